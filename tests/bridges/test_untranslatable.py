@@ -1,6 +1,8 @@
 """Samplers and arguments that cannot become source code: errors that name the line and what to do."""
 
 import inspect
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +15,7 @@ from refusals import refused
 
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.bridges import source
+from qmcjax.bridges._source._reserved import reserving
 
 ROOT = Path(__file__).parents[2]
 OWEN = samplers.independent(sequences.sobol(2), key=1)
@@ -43,8 +46,6 @@ test_wrong_arguments_are_named = refused(
         "name must be an identifier .* single underscores.*'a__b'",
     ),
     (lambda: source(OWEN, name="2nd"), ValueError, "name must be an identifier .*'2nd'"),
-    (lambda: source(OWEN, name="float"), ValueError, "name must not be a word of .*'float'"),
-    (lambda: source(OWEN, name="int32_t"), ValueError, "name must not be a word of .*'int32_t'"),
     (
         lambda: source(Points()),
         ValueError,
@@ -60,6 +61,46 @@ test_wrong_arguments_are_named = refused(
     (lambda: source(scenes.disc(), spp=4), ValueError, "spp must be None, except for samplers"),
     (lambda: source(orders.hilbert(4, 4), width=4), ValueError, "width must be None, except for samplers"),
 )
+
+WORDS_OF = {
+    "C": "float int32_t restrict nullptr memcpy sqrtf M_PI lgammaf_r UINT32_MAX typeof strnlen NAN y1 main",
+    "C++": "not_eq decltype co_await char8_t reinterpret_cast xor typeid final std",
+    "CUDA": "float4 make_int2 threadIdx rsqrtf longlong3 atomicAdd half2 cudaMalloc warpSize norm3df",
+    "GLSL": "buffer shared filter input output vec3 dmat3x2 usampler2DArray gl_FragCoord texelFetch superp mod",
+    "WGSL": "type self set from fn i32 bitcast vec2f mat4x3h macro_rules yield Self storageBarrier select",
+    "HLSL": "matrix pass int3x4 min16float2 RWStructuredBuffer saturate asuint groupshared Texture2DMS lerp",
+}
+test_words_of_languages_are_refused = refused(
+    *(
+        (word, f"name must not be a reserved word of (.*, )?{re.escape(language)}, .*got '{word}'")
+        for language, words in WORDS_OF.items()
+        for word in words.split()
+    ),
+    call=lambda name: source(OWEN, name=name),
+    error=ValueError,
+)
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("dialect", ["c99", "gnu17"])
+def test_names_of_the_headers_of_c_are_refused(dialect):
+    """All that gcc's headers define or declare, with the extensions of the C library."""
+    head = "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"
+    texts = [
+        subprocess.run(
+            ["gcc", f"-std={dialect}", "-D_GNU_SOURCE", "-E", *flags, "-x", "c", "-"],
+            input=head,
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for flags in (["-dM"], ["-P"])
+    ]
+    names = set(re.findall(r"#define ([A-Za-z]\w*)", texts[0]))
+    names |= set(re.findall(r"\b([A-Za-z]\w*) *\(", texts[1])) | set(re.findall(r"(\w+);", texts[1]))
+    names = {name for name in names if name[0].isalpha() and "__" not in name}
+    assert len(names) > 300 and not [name for name in names if "C" not in reserving(name)]
+
 
 # Functions of users. Each line that is at fault ends with a comment, by which the test finds it.
 
@@ -223,6 +264,7 @@ CALLER = """
 import installed
 from qmcjax import samplers
 from qmcjax.bridges import source
+from qmcjax.bridges._source._reserved import reserving
 
 def of_mine(x, y, sample):
     return installed.sorts(x, y)

@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 
 from qmcjax.bridges._source._errors import Origin
-from qmcjax.bridges._source._operations import COMMUTATIVE, COMPARISONS, FOLDED, interval, limits_of
+from qmcjax.bridges._source._operations import (
+    COMMUTATIVE,
+    COMPARISONS,
+    FOLDED,
+    interval,
+    limits_of,
+    may_be_nan,
+)
 from qmcjax.bridges._source._program import BOOL, UINT, Loop, Table, Value
 
 TINY = 4
@@ -157,7 +164,13 @@ class Builder:
         return self._new("select", if_true.dtype, (condition, if_true, if_false))
 
     def convert(self, value: Value, dtype: np.dtype) -> Value:
-        """Return a value in another dtype: modulo 2**32 or 2**64 between integers, clamped from floats."""
+        """Return a value in another dtype: modulo between integers, from floats in the range of ``dtype``.
+
+        Integers of 8 and 16 bits are those of 32; the caller wraps integers that are too large for them.
+        """
+        if value.dtype.kind == "f" and dtype.kind in "iu":
+            return self._truncated(value, dtype)
+        dtype = widened(dtype)
         if value.dtype == dtype:
             return value
         if dtype == BOOL:
@@ -166,22 +179,32 @@ class Builder:
             inner = value.arguments[0]
             if inner.dtype.kind in "iu" and dtype.itemsize <= value.dtype.itemsize:
                 return self.convert(inner, dtype)
-        if value.dtype.kind == "f" and dtype.kind in "iu":
-            value = self._clamped(value, dtype)
         if value.kind == "constant":
             return self.constant(value.detail.astype(dtype), dtype)
         if value.dtype == BOOL:
             return self.select(value, self.constant(1, dtype), self.constant(0, dtype))
         return self._new("convert", dtype, (value,))
 
-    def _clamped(self, value: Value, dtype: np.dtype) -> Value:
-        """Return a float in the range of an integer dtype."""
-        limits, wide = np.iinfo(dtype), value.dtype
-        largest = wide.type(limits.max)
-        if int(largest) > limits.max:
-            largest = np.nextafter(largest, wide.type(0))
-        value = self.apply("max", value, self.constant(wide.type(limits.min)))
-        return self.apply("min", value, self.constant(largest))
+    def _truncated(self, value: Value, dtype: np.dtype) -> Value:
+        """Return a float as an integer, of which XLA says: NaN becomes 0, and others saturate.
+
+        Nothing of this is computed for floats in range.
+        """
+        limits, real, wide = np.iinfo(dtype), value.dtype, widened(dtype)
+        end = real.type(limits.max)
+        last = end if int(end) <= limits.max else np.nextafter(end, real.type(0))
+        if may_be_nan(value):
+            value = self.select(self.apply("ne", value, value), self.constant(real.type(0)), value)
+        inside = self.apply("max", value, self.constant(real.type(limits.min)))
+        inside = self.apply("min", inside, self.constant(last))
+        if inside.kind == "constant":
+            made = self.constant(inside.detail, wide)
+        else:
+            made = self._new("convert", wide, (inside,))
+        if int(last) == limits.max:
+            return made
+        beyond = self.apply("ge", value, self.constant(end))
+        return self.select(beyond, self.constant(limits.max, wide), made)
 
     def bitcast(self, value: Value, dtype: np.dtype) -> Value:
         """Return the same bits in another dtype of the same size."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from qmcjax.bridges._source._language import BRACED, INFIX, LOGICAL, Language
-from qmcjax.bridges._source._operations import interval
+from qmcjax.bridges._source._operations import interval, may_be_nan
 from qmcjax.bridges._source._program import BOOL, DOUBLE, FLOAT, INT, LONG, UINT, ULONG, Value
 
 _WRAPPING = ("add", "sub", "mul", "shift_left")
@@ -89,6 +89,8 @@ class C(Language):
             unsigned = self.type(np.dtype(f"u{dtype.itemsize}"))
             first, last = (f"({unsigned}){text}" for text in given)
             return f"({self.type(dtype)})({first} {INFIX[kind]} {last})"
+        if kind in ("min", "max") and any(map(may_be_nan, value.arguments)):
+            return _with_nan(value, *given)
         if value.arguments[0].dtype == BOOL and kind in LOGICAL:
             return f"{given[0]} {INFIX[kind]} {given[1]}"
         return super().operation(value, *given)
@@ -116,6 +118,15 @@ class Cuda(C):
 
     def head(self, text: str) -> str:
         return "#include <stdint.h>"
+
+
+def _with_nan(value: Value, first: str, last: str) -> str:
+    """Return a minimum or maximum that is NaN if one of two floats is."""
+    one, other = map(may_be_nan, value.arguments)
+    if not one:
+        first, last = last, first
+    test = f"{last} < {first}" if value.kind == "min" else f"{last} >= {first}"
+    return f"{test}{f' || {last} != {last}' * (one and other)} ? {last} : {first}"
 
 
 def _may_wrap(value: Value) -> bool:

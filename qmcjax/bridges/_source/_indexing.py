@@ -8,7 +8,7 @@ from jax.lax import GatherScatterMode
 
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import BOOL, UINT, Value
-from qmcjax.bridges._source._reader import Entries, Reader, Rule, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lifted
 
 MOST_SELECTED = 64
 """Largest array of unknown values with a place that varies."""
@@ -78,7 +78,7 @@ class _Places:
         return same
 
 
-def _dynamic_slice(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _dynamic_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     places, entries = _Places(reader), given[0]
     sizes = equation.params["slice_sizes"]
     starts = _starts(reader, given[1:], entries.shape, sizes)
@@ -97,7 +97,7 @@ def _starts(reader: Reader, given: list[Entries], shape: Any, sizes: Any) -> lis
     ]
 
 
-def _dynamic_update_slice(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _dynamic_update_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     places = _Places(reader)
     made, update = (lifted(reader.builder, entries).copy() for entries in given[:2])
     starts = _starts(reader, given[2:], made.shape, update.shape)
@@ -121,16 +121,16 @@ def _replace(
         made[at] = places.builder.select(here, value, made[at])
 
 
-def _gather(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _gather(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder, places = reader.builder, _Places(reader)
     entries, indices = given
     indices = lifted(builder, indices)
     numbers, sizes = equation.params["dimension_numbers"], dict(enumerate(equation.params["slice_sizes"]))
-    out = equation.outvars[0].aval
+    out = equation.made[0]
     batching = list(zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True))
     outside = (*numbers.collapsed_slice_dims, *numbers.operand_batching_dims)
     free = [axis for axis in range(entries.ndim) if axis not in outside]
-    fills = equation.params["mode"] == GatherScatterMode.FILL_OR_DROP
+    fills, filling = equation.params["mode"] == GatherScatterMode.FILL_OR_DROP, _filling(equation)
     made = np.empty(out.shape, object)
     for at in np.ndindex(made.shape):
         batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.offset_dims)
@@ -139,27 +139,27 @@ def _gather(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Ent
         starts = dict(zip(numbers.start_index_map, indices[batch], strict=True))
         place, valid = places.clamped(entries.shape, starts, sizes, offsets)
         value = places.entry(entries, place)
-        made[at] = builder.select(valid, value, _filling(reader, equation, value)) if fills else value
+        made[at] = builder.select(valid, value, builder.constant(filling, value.dtype)) if fills else value
     return [made]
 
 
-def _filling(reader: Reader, equation: Any, value: Value) -> Value:
+def _filling(equation: Equation) -> Any:
     """Return what stands for entries outside, as documented for jax.lax.gather."""
-    filling, dtype = equation.params["fill_value"], np.dtype(equation.outvars[0].aval.dtype)
+    filling, dtype = equation.params["fill_value"], np.dtype(equation.made[0].dtype)
     if filling is None:
         filling = {"f": np.nan, "b": True}.get(dtype.kind)
     if filling is None:
         filling = np.iinfo(dtype).min if dtype.kind == "i" else np.iinfo(dtype).max
-    return reader.builder.constant(filling, value.dtype)
+    return filling
 
 
-def _scatter(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder, places = reader.builder, _Places(reader)
     made, indices, updates = (lifted(builder, entries).copy() for entries in given)
     numbers = equation.params["dimension_numbers"]
     if numbers.operand_batching_dims:
         raise Untranslatable("with batches")
-    combine = {"scatter": None, "scatter-add": "add"}[equation.primitive.name]
+    combine = {"scatter": None, "scatter-add": "add"}[equation.name]
     free = [axis for axis in range(made.ndim) if axis not in numbers.inserted_window_dims]
     windows = [updates.shape[axis] for axis in numbers.update_window_dims]
     sizes = dict(zip(free, windows, strict=True))

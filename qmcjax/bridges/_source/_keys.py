@@ -5,12 +5,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.extend.random import threefry_prng_impl
 
 from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import UINT, Value
-from qmcjax.bridges._source._reader import Entries, Reader, Rule, as_keys, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, as_keys, lifted
 
 _ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
 
@@ -32,66 +31,81 @@ def _threefry(builder: Builder, k1: Value, k2: Value, x1: Value, x2: Value) -> t
     return x1, x2
 
 
-def _encrypted(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    del equation
-    k1, k2, x1, x2 = np.broadcast_arrays(*(lifted(reader.builder, entries) for entries in given))
-    made = np.empty((2, *k1.shape), object)
-    for place in np.ndindex(k1.shape):
-        entries: Any = (k1[place], k2[place], x1[place], x2[place])
-        made[(slice(None), *place)] = _threefry(reader.builder, *entries)
-    return [np.asarray(made[0]), np.asarray(made[1])]
-
-
-def _each(reader: Reader, function: Any, *given: Entries) -> Entries:
-    """Inline a function of one key for each key of an array: results are stacked behind its axes."""
-    keys, *others = np.broadcast_arrays(*given)
-    results = []
+def _hashed(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entries:
+    """Return the two words, on a first axis, that keys make of counters of two words."""
+    keys, high, low = np.broadcast_arrays(keys, *(lifted(reader.builder, words) for words in (high, low)))
+    made = np.empty((2, *keys.shape), object)
     for place in np.ndindex(keys.shape):
-        key: Any = keys[place]
-        words = [np.array(key.words, object), *(np.asarray(other[place]) for other in others)]
-        closed = jax.make_jaxpr(function)(*(jax.ShapeDtypeStruct(each.shape, np.uint32) for each in words))
-        results.append(lifted(reader.builder, reader.closed(closed, words)[0]))
-    return np.stack(results).reshape((*keys.shape, *results[0].shape))
+        made[(slice(None), *place)] = _threefry(reader.builder, *keys[place].words, high[place], low[place])
+    return made
+
+
+def _blocks(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
+    """Return two words for each counter of a shape."""
+    counters = np.arange(np.prod(shape, dtype=int), dtype=np.uint64).reshape(shape)
+    keys = keys.reshape(*keys.shape, *(1 for _ in shape))
+    return _hashed(reader, keys, (counters >> np.uint64(32)).astype(np.uint32), counters.astype(np.uint32))
+
+
+def _halves(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
+    """Return words of a shape without ``jax_threefry_partitionable``: counters in one half of them pair with the other."""
+    count = int(np.prod(shape))
+    counters = np.arange(count + count % 2, dtype=np.uint32)
+    counters[count:] = 0
+    made = _hashed(reader, keys[..., None], *np.split(counters, 2))
+    return np.concatenate(list(made), -1)[..., :count].reshape(*keys.shape, *shape)
+
+
+def _encrypted(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    del equation
+    k1, k2, high, low = (lifted(reader.builder, entries) for entries in given)
+    return list(_hashed(reader, as_keys(np.stack(np.broadcast_arrays(k1, k2), -1)), high, low))
 
 
 def _implementation(dtype: Any) -> None:
-    if dtype.name != f"key<{threefry_prng_impl.tag}>":
+    if dtype.name != "key<fry>":
         raise Untranslatable(f"keys of dtype {dtype.name!r}: use the generator threefry2x32")
 
 
-def _bits(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    _implementation(equation.invars[0].aval.dtype)
-    width, shape = equation.params["bit_width"], equation.params["shape"]
+def _bits(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    _implementation(equation.given[0].dtype)
+    width, out = equation.params["bit_width"], equation.made[0]
     if width != 32:
         raise Untranslatable(f"random words of {width} bits")
-    return [_each(reader, lambda key: threefry_prng_impl.random_bits(key, 32, shape), given[0])]
+    shape = out.shape[given[0].ndim :]
+    if not jax.config.jax_threefry_partitionable:
+        return [_halves(reader, given[0], shape)]
+    made = _blocks(reader, given[0], shape)
+    return [reader.map(lambda a, b: reader.builder.apply("xor", a, b), out.dtype, *made)]
 
 
-def _fold_in(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    _implementation(equation.invars[0].aval.dtype)
-    messages = given[1] if given[1].dtype == object else given[1].astype(np.uint32)
-    return [as_keys(_each(reader, threefry_prng_impl.fold_in, given[0], messages))]
+def _fold_in(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    _implementation(equation.given[0].dtype)
+    low = reader.map(lambda value: reader.builder.convert(value, UINT), UINT, given[1])
+    return [as_keys(np.moveaxis(_hashed(reader, given[0], np.zeros_like(low, np.uint32), low), 0, -1))]
 
 
-def _split(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    _implementation(equation.invars[0].aval.dtype)
-    shape = equation.params["shape"]
-    return [as_keys(_each(reader, lambda key: threefry_prng_impl.split(key, shape), given[0]))]
+def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    _implementation(equation.given[0].dtype)
+    shape = equation.made[0].shape[given[0].ndim :]
+    if not jax.config.jax_threefry_partitionable:
+        return [as_keys(_halves(reader, given[0], (*shape, 2)))]
+    return [as_keys(np.moveaxis(_blocks(reader, given[0], shape), 0, -1))]
 
 
-def _wrap(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    _implementation(equation.outvars[0].aval.dtype)
+def _wrap(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    _implementation(equation.made[0].dtype)
     return [as_keys(lifted(reader.builder, given[0]))]
 
 
-def _unwrap(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _unwrap(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     del reader
-    shape = equation.outvars[0].aval.shape
+    shape = equation.made[0].shape
     return [np.array([key.words for key in given[0].ravel()], object).reshape(shape)]
 
 
-def _seed(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    _implementation(equation.outvars[0].aval.dtype)
+def _seed(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    _implementation(equation.made[0].dtype)
     word = reader.map(lambda value: reader.builder.convert(value, UINT), UINT, given[0])
     upper = np.full(word.shape, reader.builder.constant(0, UINT), object)
     return [as_keys(np.stack([upper, word], -1))]

@@ -34,23 +34,6 @@ RESULT = "u"
 BRACED = " {kind} {name}[{size}] = {{\n{rows}\n}};"
 """A table of constants, after what says so."""
 
-RESERVED = frozenset(
-    """
-    abs acos alignas alignof and array asfloat asin asm asuint atan atan2 auto bitand bitcast bitor bool
-    break case catch ceil char clamp class compl const continue cos default delete discard do double
-    else enum exp exp2 explicit export extern f32 false flat float floor fma fmod fn for frac fract
-    friend goto half highp i32 if in inline inout int invariant lerp let line linear log log2 long loop
-    lowp main mat2 mat3 mat4 max mediump min mix mod mutable namespace new noise not operator or out
-    override point pow precision private protected ptr public read register return rint round sample
-    sampler select short sign signed sin sizeof smooth sqrt static step struct switch tan tanh template
-    texture this throw triangle true trunc try typedef typename u32 uint uniform union unsigned using
-    var varying vec2 vec3 vec4 vector virtual void volatile while workgroup xor
-    NAN NULL INFINITY double_t float_t gamma int8_t int16_t int32_t int64_t j0 j1 jn size_t uint8_t
-    uint16_t uint32_t uint64_t y0 y1 yn
-    """.split()
-)
-"""Words that some language keeps for itself, and that a function cannot have as name."""
-
 
 class Language:
     """How a language writes programs. Arguments of its methods are written as atoms, or in parentheses.

@@ -8,18 +8,29 @@ import numpy as np
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._indexing import entry_at
 from qmcjax.bridges._source._program import UINT, Loop, Value, innermost
-from qmcjax.bridges._source._reader import Entries, Key, Reader, Rule, as_keys, lifted, words
+from qmcjax.bridges._source._reader import (
+    CALLS,
+    Entries,
+    Equation,
+    Key,
+    Reader,
+    Rule,
+    as_keys,
+    lifted,
+    opened,
+    words,
+)
 
 UNROLLED = 512
 """Largest number of equations that an unrolled loop may have in all."""
 
 
-def _inlined(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    closed = equation.params.get("jaxpr") or equation.params["call_jaxpr"]
-    return reader.closed(closed, given)
+def _inlined(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    name = next((name for name in equation.params if name in ("jaxpr", "fun_jaxpr")), "call_jaxpr")
+    return reader.read(equation.params[name], given)
 
 
-def _conditional(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _conditional(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     """Compute all branches, and select: they have no effects."""
     builder, branches = reader.builder, equation.params["branches"]
     which = lifted(builder, given[0])[()]
@@ -27,10 +38,10 @@ def _conditional(reader: Reader, equation: Any, given: list[Entries]) -> Sequenc
         which = builder.apply("max", which, builder.constant(0, which.dtype))
     last = builder.constant(len(branches) - 1, which.dtype)
     which = builder.convert(builder.apply("min", which, last), UINT)
-    results = [reader.closed(branch, given[1:]) for branch in branches]
+    results = [reader.read(branch, given[1:]) for branch in branches]
     return [
-        reader.map(lambda *cases: builder.chosen(list(cases), which), var.aval.dtype, *each)
-        for var, each in zip(equation.outvars, zip(*results, strict=True), strict=True)
+        reader.map(lambda *cases: builder.chosen(list(cases), which), aval.dtype, *each)
+        for aval, each in zip(equation.made, zip(*results, strict=True), strict=True)
     ]
 
 
@@ -74,84 +85,87 @@ def _values(arrays: Sequence[Entries]) -> list[Value]:
     return [value for entries in arrays if entries.dtype == object for value in words(entries)]
 
 
-def _while(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    params, builder = equation.params, reader.builder
-    of_condition, of_body = params["cond_nconsts"], params["body_nconsts"]
-    outside, initial = given[: of_condition + of_body], given[of_condition + of_body :]
-    body = params["body_jaxpr"]
-    carried = body.jaxpr.invars[of_body:]
-    unchanged = [a is b for a, b in zip(carried, body.jaxpr.outvars, strict=True)]
+def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    """Arguments are what the condition uses, what the body uses, and what the loop changes."""
+    builder, test, body = reader.builder, equation.params["cond_jaxpr"], equation.params["body_jaxpr"]
+    changing = len(equation.made)
+    of_condition = len(opened(test).invars) - changing
+    outside, initial = given[:-changing], given[-changing:]
+    unchanged = _unchanged(body, changing)
     carry = _Carry(reader, initial, unchanged, outside)
     before = carry.arrays(carry.loop.variables[:-1])
-    condition = reader.closed(params["cond_jaxpr"], [*outside[:of_condition], *before])[0]
+    condition = reader.read(test, [*outside[:of_condition], *before])[0]
     carry.loop.condition = lifted(builder, condition)[()]
-    after = reader.closed(body, [*outside[of_condition:], *before])
+    after = reader.read(body, [*outside[of_condition:], *before])
     after = [lifted(builder, entries) for entries in after]
     carry.loop.following = [*carry.flat(after), carry.loop.variables[-1]]
     return carry.arrays(builder.results(carry.loop)[:-1])
 
 
-def _scan(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    params = equation.params
-    constants, carries, length = params["num_consts"], params["num_carry"], params["length"]
-    outside, changing = given[:constants], given[constants:]
-    initial, rows = changing[:carries], changing[carries:]
-    body = params["jaxpr"]
-    stacked = len(equation.outvars) - carries
-    size = length * _equations(body.jaxpr)
+def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    """Arguments are what the body uses, what the loop changes, and rows: these have one more axis than inside."""
+    length, body = equation.params["length"], equation.params["jaxpr"]
+    stacked = _longer(equation.made, opened(body).outvars)
+    carries = len(equation.made) - stacked
+    scanned = len(given) - _longer(equation.given, opened(body).invars)
+    outside, initial, rows = given[: scanned - carries], given[scanned - carries : scanned], given[scanned:]
+    size = length * _equations(body)
     if size <= UNROLLED or (stacked and length <= UNROLLED):
         return _unrolled(reader, equation, outside, initial, rows)
     if stacked:
         raise Untranslatable(f"a loop that stacks {length} results")
     builder = reader.builder
-    inputs = body.jaxpr.invars[constants : constants + carries]
-    unchanged = [a is b for a, b in zip(inputs, body.jaxpr.outvars, strict=True)]
-    carry = _Carry(reader, initial, unchanged, [*outside, *rows])
+    carry = _Carry(reader, initial, _unchanged(body, carries, len(rows)), [*outside, *rows])
     *variables, counter = carry.loop.variables
     carry.loop.condition = builder.apply("lt", counter, builder.constant(length, UINT))
     number = counter
-    if params["reverse"]:
+    if equation.params["reverse"]:
         number = builder.apply("sub", builder.constant(length - 1, UINT), counter)
     arguments = [*outside, *carry.arrays(variables), *(entry_at(reader, row, number) for row in rows)]
-    after = [lifted(builder, entries) for entries in reader.closed(body, arguments)]
+    after = [lifted(builder, entries) for entries in reader.read(body, arguments)]
     following = builder.apply("add", counter, builder.constant(1, UINT))
     carry.loop.following = [*carry.flat(after), following]
     return carry.arrays(builder.results(carry.loop)[:-1])
 
 
 def _unrolled(
-    reader: Reader, equation: Any, outside: list[Entries], carried: list[Entries], rows: list[Entries]
+    reader: Reader, equation: Equation, outside: list[Entries], carried: list[Entries], rows: list[Entries]
 ) -> Sequence[Entries]:
     params, count = equation.params, len(carried)
     stacked: list[list[Entries]] = []
     steps = range(params["length"])
     for step in reversed(steps) if params["reverse"] else steps:
         row = [np.asarray(entries[step]) for entries in rows]
-        results = reader.closed(params["jaxpr"], [*outside, *carried, *row])
+        results = reader.read(params["jaxpr"], [*outside, *carried, *row])
         carried = list(results[:count])
         stacked.append([lifted(reader.builder, entries) for entries in results[count:]])
     if params["reverse"]:
         stacked.reverse()
     if not stacked:
-        return [*carried, *(np.empty(var.aval.shape, object) for var in equation.outvars[count:])]
+        return [*carried, *(np.empty(aval.shape, object) for aval in equation.made[count:])]
     return [*carried, *map(np.stack, zip(*stacked, strict=True))]
 
 
 def _equations(jaxpr: Any) -> int:
     """Return the number of equations of a jaxpr, those inside others included."""
-    count = len(jaxpr.eqns)
-    for equation in jaxpr.eqns:
-        for value in equation.params.values():
-            inner = getattr(value, "jaxpr", value)
-            count += _equations(inner) if hasattr(inner, "eqns") else 0
-    return count
+    inner = (value for equation in opened(jaxpr).eqns for value in equation.params.values())
+    return len(opened(jaxpr).eqns) + sum(_equations(each) for each in inner if hasattr(opened(each), "eqns"))
+
+
+def _longer(outside: Sequence[Any], inside: Sequence[Any]) -> int:
+    """Return how many arrays of a loop are stacks of those of its body."""
+    return sum(one.ndim > other.aval.ndim for one, other in zip(outside, inside, strict=True))
+
+
+def _unchanged(body: Any, count: int, last: int = 0) -> list[bool]:
+    """Return which of the arrays that a loop carries its body hands on; ``last`` inputs come behind them."""
+    jaxpr = opened(body)
+    inputs = jaxpr.invars[len(jaxpr.invars) - last - count :]
+    return [a is b for a, b in zip(inputs[:count], jaxpr.outvars, strict=False)]
 
 
 RULES: dict[str, Rule] = {
-    "jit": _inlined,
-    "closed_call": _inlined,
-    "custom_jvp_call": _inlined,
-    "custom_vjp_call": _inlined,
+    **dict.fromkeys(CALLS, _inlined),
     "cond": _conditional,
     "while": _while,
     "scan": _scan,

@@ -46,7 +46,7 @@ class _Lowering:
         self._loops: dict[Loop, Loop] = {}
         self.inputs = [self.builder.input(v.detail, v.dtype) for v in program.inputs]
         for made, value in zip(self.inputs, program.inputs, strict=True):
-            made.interval = value.interval
+            made.interval, made.nan = value.interval, value.nan
         self._made.update(zip(program.inputs, self.inputs, strict=True))
         self._block(program.statements)
 

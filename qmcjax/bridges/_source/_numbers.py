@@ -11,41 +11,38 @@ from qmcjax.bridges._source._builder import Builder, widened
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._operations import FUNCTIONS
 from qmcjax.bridges._source._program import Value
-from qmcjax.bridges._source._reader import Entries, Reader, Rule, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lifted
 
 
-def _of_entries(make: Callable[..., Value]) -> Rule:
-    """Return the rule of a function of a builder, one value per argument, and the primitive's parameters."""
+def _of_entries(make: Callable[..., Value], *names: str) -> Rule:
+    """Return the rule of a function of a builder, one value per argument, and parameters with these names."""
 
-    def apply(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-        def made(*values: Value) -> Value:
-            return make(reader.builder, *values, **equation.params)
-
-        return [reader.map(made, equation.outvars[0].aval.dtype, *given)]
+    def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+        chosen = [equation.params[name] for name in names]
+        return [
+            reader.map(lambda *values: make(reader.builder, *values, *chosen), equation.made[0].dtype, *given)
+        ]
 
     return apply
 
 
 def _function(kind: str) -> Rule:
-    return _of_entries(lambda builder, *values, **_: builder.apply(kind, *values))
+    return _of_entries(lambda builder, *values: builder.apply(kind, *values))
 
 
-def _convert(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    dtype = np.dtype(equation.params["new_dtype"])
-    wide = widened(dtype)
-    if dtype != wide and given[0].dtype == object and any(v.dtype.kind == "f" for v in given[0].ravel()):
-        raise Untranslatable(f"of a float to {dtype}")
-    return [reader.map(lambda value: reader.builder.convert(value, wide), dtype, given[0])]
+def _convert(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    dtype = np.dtype(equation.made[0].dtype)
+    return [reader.map(lambda value: reader.builder.convert(value, dtype), dtype, given[0])]
 
 
-def _bitcast(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    before, after = equation.invars[0].aval.dtype, np.dtype(equation.params["new_dtype"])
+def _bitcast(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    before, after = equation.given[0].dtype, np.dtype(equation.made[0].dtype)
     if before.itemsize != after.itemsize or after.itemsize < 4:
         raise Untranslatable(f"from {before} to {after}")
     return [reader.map(lambda value: reader.builder.bitcast(value, after), after, given[0])]
 
 
-def _select_n(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _select_n(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder = reader.builder
 
     def chosen(which: Value, *cases: Value) -> Value:
@@ -54,7 +51,7 @@ def _select_n(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[E
         last = builder.constant(len(cases) - 1, which.dtype)
         return builder.chosen(list(cases), builder.convert(builder.apply("min", which, last), np.dtype("u4")))
 
-    return [reader.map(chosen, equation.outvars[0].aval.dtype, *given)]
+    return [reader.map(chosen, equation.made[0].dtype, *given)]
 
 
 def _clamp(builder: Builder, low: Value, value: Value, high: Value) -> Value:
@@ -100,7 +97,7 @@ def _round(builder: Builder, value: Value, rounding_method: Any) -> Value:
     return builder.apply("mul", _sign(builder, value), builder.apply("floor", away))
 
 
-def _ones(builder: Builder, value: Value, **_: Any) -> Value:
+def _ones(builder: Builder, value: Value) -> Value:
     """Count the bits that are set, in sums of 2, 4 and 8 bits: some languages have no such function."""
     dtype, bits = value.dtype, 8 * value.dtype.itemsize
 
@@ -116,9 +113,9 @@ def _ones(builder: Builder, value: Value, **_: Any) -> Value:
     return builder.apply("shift_right_logical", product, builder.constant(bits - 8, dtype))
 
 
-def _leading_zeros(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def _leading_zeros(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     """Spread the first bit that is set to all below it, and count the others."""
-    builder, dtype = reader.builder, np.dtype(equation.outvars[0].aval.dtype)
+    builder, dtype = reader.builder, np.dtype(equation.made[0].dtype)
 
     def zeros(value: Value) -> Value:
         word = value
@@ -132,12 +129,12 @@ def _leading_zeros(reader: Reader, equation: Any, given: list[Entries]) -> Seque
     return [reader.map(zeros, dtype, *given)]
 
 
-def _logistic(builder: Builder, value: Value, **_: Any) -> Value:
+def _logistic(builder: Builder, value: Value) -> Value:
     one, falling = builder.constant(1, value.dtype), builder.apply("exp", builder.apply("neg", value))
     return builder.apply("div", one, builder.apply("add", one, falling))
 
 
-def _rsqrt(builder: Builder, value: Value, **_: Any) -> Value:
+def _rsqrt(builder: Builder, value: Value) -> Value:
     return builder.apply("div", builder.constant(1, value.dtype), builder.apply("sqrt", value))
 
 
@@ -146,10 +143,23 @@ def _is_finite(builder: Builder, value: Value) -> Value:
     return builder.apply("le", builder.apply("abs", value), most)
 
 
+def _polynomial(builder: Builder, value: Value, *coefficients: Value) -> Value:
+    """Add up powers by Horner's rule, the constant first."""
+    made, *rest = reversed(coefficients)
+    for coefficient in rest:
+        made = builder.apply("add", builder.apply("mul", made, value), coefficient)
+    return made
+
+
+def _one_minus_square(builder: Builder, value: Value) -> Value:
+    one = builder.constant(1, value.dtype)
+    return builder.apply("mul", builder.apply("add", one, value), builder.apply("sub", one, value))
+
+
 def _reduction(kind: str) -> Rule:
     """Return the rule that combines all entries along some axes, in their order."""
 
-    def apply(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
         axes = tuple(equation.params["axes"])
         entries = np.moveaxis(lifted(reader.builder, given[0]), axes, range(len(axes)))
         flat = entries.reshape(-1, *entries.shape[len(axes) :])
@@ -161,7 +171,7 @@ def _reduction(kind: str) -> Rule:
 def _cumulative(kind: str) -> Rule:
     """Return the rule that combines each entry with all before it."""
 
-    def apply(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+    def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
         axis, step = equation.params["axis"], -1 if equation.params["reverse"] else 1
         entries = np.moveaxis(lifted(reader.builder, given[0]), axis, 0)[::step]
         combined = partial(_combined, reader, equation, kind)
@@ -171,13 +181,13 @@ def _cumulative(kind: str) -> Rule:
     return apply
 
 
-def _combined(reader: Reader, equation: Any, kind: str, one: Entries, other: Entries) -> Entries:
-    dtype = equation.outvars[0].aval.dtype
+def _combined(reader: Reader, equation: Equation, kind: str, one: Entries, other: Entries) -> Entries:
+    dtype = equation.made[0].dtype
     return reader.map(lambda a, b: reader.builder.apply(kind, a, b), dtype, one, other)
 
 
-def _dot(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
-    builder, dtype = reader.builder, equation.outvars[0].aval.dtype
+def _dot(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+    builder, dtype = reader.builder, equation.made[0].dtype
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
     a, b = (lifted(builder, entries) for entries in given)
     a = np.moveaxis(a, (*left_batch, *left), (*range(len(left_batch)), *range(a.ndim - len(left), a.ndim)))
@@ -203,16 +213,18 @@ RULES: dict[str, Rule] = {
     "bitcast_convert_type": _bitcast,
     "select_n": _select_n,
     "clamp": _of_entries(_clamp),
-    "integer_pow": _of_entries(_integer_pow),
+    "integer_pow": _of_entries(_integer_pow, "y"),
     "square": _of_entries(lambda builder, value: builder.apply("mul", value, value)),
     "sign": _of_entries(_sign),
     "abs": _of_entries(_absolute),
     "neg": _of_entries(_negative),
-    "round": _of_entries(_round),
+    "round": _of_entries(_round, "rounding_method"),
     "population_count": _of_entries(_ones),
     "clz": _leading_zeros,
     "logistic": _of_entries(_logistic),
     "rsqrt": _of_entries(_rsqrt),
+    "polynomial": _of_entries(_polynomial),
+    "one_minus_square": _of_entries(_one_minus_square),
     "is_finite": _of_entries(_is_finite),
     "reduce_sum": _reduction("add"),
     "reduce_prod": _reduction("mul"),

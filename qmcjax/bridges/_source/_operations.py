@@ -70,7 +70,13 @@ def interval(value: Value) -> tuple[Any, Any] | None:
     Bounds of integers are ints. Rounding is monotone: what is computed of bounds bounds what is computed.
     """
     bounds = limits_of(value)
-    return bounds if np.isfinite(bounds[0]) else None
+    return bounds if np.isfinite(bounds[0]) and not value.nan else None
+
+
+def may_be_nan(value: Value) -> bool:
+    """Return whether a value is a float that may be NaN."""
+    limits_of(value)
+    return value.nan
 
 
 def limits_of(value: Value) -> tuple[Any, Any]:
@@ -85,6 +91,7 @@ def limits_of(value: Value) -> tuple[Any, Any]:
         if top.interval is None:
             found = _interval(top)
             top.interval = _whole(top.dtype) if found is None else found
+            top.nan = _may_be_nan(top)
         stack.pop()
     return value.interval
 
@@ -93,6 +100,13 @@ def _whole(dtype: np.dtype) -> tuple[Any, Any]:
     if dtype.kind in "iu":
         return int(np.iinfo(dtype).min), int(np.iinfo(dtype).max)
     return (0, 1) if dtype.kind == "b" else (-np.inf, np.inf)
+
+
+def _may_be_nan(value: Value) -> bool:
+    if value.dtype.kind != "f" or value.kind == "constant":
+        return value.kind == "constant" and bool(value.detail != value.detail)
+    chosen = value.kind in ("min", "max", "select")
+    return any(a.nan for a in value.arguments) or not (chosen or np.all(np.isfinite(value.interval)))
 
 
 def _interval(value: Value) -> tuple[Any, Any] | None:

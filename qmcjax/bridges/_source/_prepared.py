@@ -35,7 +35,7 @@ class Prepared:
         self._seeds = [jax.ShapeDtypeStruct(np.shape(leaf), leaf.dtype) for leaf in jax.tree.leaves(seeds)]
         self._tree = jax.tree.structure(seeds)
         self._handed = [value for entries in inputs[: len(self._seeds)] for value in words(entries)]
-        self._state = reader_of(builder).closed(closed, inputs)
+        self._state = reader_of(builder).read(closed, inputs)
         values = dict.fromkeys(value for entries in self._state for value in _varying(entries))
         self._wide = [value for value in values if value not in self._handed]
         self._has_64 = has_64
@@ -65,7 +65,7 @@ class Prepared:
         """Return a value made of its members, which become inputs."""
         if self._has_64 or value.dtype.itemsize < 8:
             flat.append(builder.input(len(flat), value.dtype))
-            flat[-1].interval = limits_of(value)
+            flat[-1].interval, flat[-1].nan = limits_of(value), value.nan
             return flat[-1]
         parts = [builder.input(len(flat) + k, UINT) for k in range(2)]
         flat += parts
@@ -88,7 +88,7 @@ class Prepared:
         rest = inputs_of(builder, avals[len(seeds) + len(self._state) :], len(flat), below)
         flat += [value for entries in rest for value in words(entries)]
         state = [_put(builder, entries, found) for entries in self._state]
-        outputs = reader_of(builder).closed(closed, [*seeds, *state, *rest])
+        outputs = reader_of(builder).read(closed, [*seeds, *state, *rest])
         return finished(builder, flat, outputs)
 
 

@@ -32,12 +32,23 @@ class Value:
     - ``"result"``: number ``detail`` of those that ``loop`` changes, after it,
     - ``"load"``: the entry of the :class:`Table` ``detail`` at one uint32 argument, which is below its size,
     - ``"select"``: of a bool, the value if true, the value if false,
-    - ``"convert"``: of one value to ``dtype``, towards zero and in range from floats; ``"bitcast"``,
+    - ``"convert"``: of one value to ``dtype``, towards zero from floats, which are in range; ``"bitcast"``,
     - otherwise an operation of :mod:`_operations` on arguments of one dtype. Shifts are by less than the
       number of bits, divisors of integers are not 0.
     """
 
-    __slots__ = ("arguments", "detail", "dtype", "home", "interval", "kind", "loop", "number", "origin")
+    __slots__ = (
+        "arguments",
+        "detail",
+        "dtype",
+        "home",
+        "interval",
+        "kind",
+        "loop",
+        "nan",
+        "number",
+        "origin",
+    )
 
     def __init__(
         self,
@@ -52,6 +63,7 @@ class Value:
         self.number = 0
         self.origin: Origin = None
         self.interval: Any = None
+        self.nan = False
 
     def _home(self) -> Loop | None:
         """Return the innermost loop that the value depends on."""

@@ -6,7 +6,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr
 
 from qmcjax.bridges._source import _indexing, _keys, _loops, _numbers, _shapes
 from qmcjax.bridges._source._builder import Builder, widened
@@ -45,7 +44,7 @@ def read(function: Callable[..., Any], *examples: Any, below: Sequence[int] = ()
     closed, _ = traced(function, *examples)
     builder = Builder()
     arguments = inputs_of(builder, [var.aval for var in closed.jaxpr.invars], below=below)
-    outputs = reader_of(builder).closed(closed, arguments)
+    outputs = reader_of(builder).read(closed, arguments)
     inputs = [value for argument in arguments for value in words(argument)]
     return finished(builder, inputs, outputs)
 
@@ -61,7 +60,7 @@ def finished(builder: Builder, inputs: Sequence[Value], outputs: Sequence[Entrie
     return scheduled(inputs, values)
 
 
-def traced(function: Callable[..., Any], *examples: Any) -> tuple[ClosedJaxpr, Any]:
+def traced(function: Callable[..., Any], *examples: Any) -> tuple[Any, Any]:
     """Return the jaxpr of a function and the structure of its result."""
     try:
         closed, shapes = jax.make_jaxpr(function, return_shape=True)(*examples)

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import ClosedJaxpr, Jaxpr, Literal
+from jax.extend.core import Literal
 
 from qmcjax.bridges._source._builder import Builder, widened
 from qmcjax.bridges._source._errors import ADVICE, Untranslatable, source_line
@@ -21,8 +21,48 @@ Entries: TypeAlias = Any
 MOST_ENTRIES = 2**12
 """Largest number of scalars that an array of unknown values may have."""
 
-Rule = Callable[["Reader", Any, list[Entries]], Sequence[Entries]]
+Rule = Callable[["Reader", "Equation", list[Entries]], Sequence[Entries]]
 """What makes of the arrays that an equation is given those that it returns."""
+
+_HOW = frozenset(
+    """
+    accuracy impl indices_are_sorted new_dtype new_sizes out_sharding precision preferred_element_type shape
+    sharding unique_indices unroll update_consts update_jaxpr weak_type
+    """.split()
+)
+"""Parameters that say how to compute, not what; shapes and dtypes of results are in their types."""
+
+
+class Parameters(dict[str, Any]):
+    """The parameters of an equation, which differ between versions of JAX: one that is missing is refused."""
+
+    def __init__(self, parameters: Mapping[str, Any]) -> None:
+        super().__init__(parameters)
+        self._used: set[str] = set()
+
+    def __getitem__(self, name: str) -> Any:
+        self._used.add(name)
+        if name not in self:
+            raise Untranslatable(f"it has no parameter {name!r} in this version of JAX")
+        return super().__getitem__(name)
+
+    def check(self) -> None:
+        """Raise if there is a parameter that the rule did not use, and that may change the result."""
+        unknown = [name for name in self.keys() - self._used - _HOW if self.get(name) is not None]
+        if unknown:
+            raise Untranslatable(f"with the parameters {sorted(unknown)} of another version of JAX")
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """What rules see of an equation of a jaxpr."""
+
+    name: str
+    params: Parameters
+    given: Sequence[Any]
+    """The shapes and dtypes of the arguments."""
+    made: Sequence[Any]
+    """Those of the results."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +103,9 @@ class Reader:
     def __init__(self, builder: Builder, rules: Mapping[str, Rule]) -> None:
         self.builder, self.rules = builder, rules
 
-    def closed(self, closed: ClosedJaxpr, arguments: Sequence[Entries]) -> list[Entries]:
-        """Read a jaxpr with its constants."""
-        return self.jaxpr(closed.jaxpr, [self.known(constant) for constant in closed.consts], arguments)
-
-    def jaxpr(
-        self, jaxpr: Jaxpr, constants: Sequence[Entries], arguments: Sequence[Entries]
-    ) -> list[Entries]:
-        """Read the equations of a jaxpr, and return its results."""
-        found: dict[Any, Entries] = {}
+    def read(self, closed: Any, arguments: Sequence[Entries]) -> list[Entries]:
+        """Read the equations of a jaxpr, with its constants if it has them, and return its results."""
+        jaxpr, found = opened(closed), dict[Any, Entries]()
 
         def value(atom: Any) -> Entries:
             if not isinstance(atom, Literal):
@@ -79,6 +113,7 @@ class Reader:
             aval: Any = atom.aval
             return self.known(atom.val, aval.dtype)
 
+        constants = map(self.known, getattr(closed, "consts", ()))
         found.update(zip(jaxpr.constvars, constants, strict=True))
         found.update(zip(jaxpr.invars, arguments, strict=True))
         for equation in jaxpr.eqns:
@@ -97,15 +132,19 @@ class Reader:
         apply = self.rules.get(name)
         if apply is None and name in FOLDED:
             apply = elementwise
-        if all(entries.dtype != object for entries in given) and name not in _ALWAYS:
+        if all(entries.dtype != object for entries in given) and name not in CALLS:
             return [self.known(result) for result in _evaluated(equation, given)]
         self.builder.origin = equation.source_info, around
+        avals = ([var.aval for var in atoms] for atoms in (equation.invars, equation.outvars))
+        seen = Equation(name, Parameters(equation.params), *avals)
         try:
             if apply is None:
                 raise Untranslatable(ADVICE.get(name, ""))
-            for var in equation.outvars:
-                _check(var.aval)
-            results = apply(self, equation, given)
+            for aval in seen.made:
+                _check(aval)
+            results = apply(self, seen, given)
+            if name not in CONTAINERS:
+                seen.params.check()
         except Untranslatable as error:
             raise ValueError(
                 f"sampler must be made of operations that can be translated, got {name!r}"
@@ -133,20 +172,41 @@ class Reader:
         return builder.apply("shift_right_arithmetic", builder.apply("shift_left", value, by), by)
 
 
-_ALWAYS = frozenset(("jit", "closed_call", "custom_jvp_call", "custom_vjp_call"))
+def opened(jaxpr: Any) -> Any:
+    """Return a jaxpr without its constants: some versions of JAX close those of loops, others do not."""
+    return getattr(jaxpr, "jaxpr", jaxpr)
+
+
+CALLS = frozenset(("jit", "closed_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat2"))
 """Primitives with a rule even for known arguments: others are evaluated by JAX."""
+CONTAINERS = CALLS | {"cond", "scan", "while"}
+"""Primitives whose jaxprs say what they compute; their other parameters are those of compilers."""
 
 
-def elementwise(reader: Reader, equation: Any, given: list[Entries]) -> Sequence[Entries]:
+def elementwise(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     """Apply an operation entry by entry."""
-    name, out = equation.primitive.name, equation.outvars[0].aval
+    name, out = equation.name, equation.made[0]
     builder = reader.builder
     if name.startswith("shift"):
         return [reader.map(lambda a, b: builder.shifted(name, a, b), out.dtype, *given)]
     if name in ("div", "rem") and np.dtype(out.dtype).kind in "iu":
         return [reader.map(lambda a, b: builder.divided(name, a, b), out.dtype, *given)]
+    if name == "div" and _is_shared(given[1], out.shape):
+        # XLA multiplies by the rounded reciprocal.
+        one = np.ones((), out.dtype)
+        given = [
+            given[0],
+            reader.map(lambda *values: builder.apply("div", *values), out.dtype, one, given[1]),
+        ]
+        name = "mul"
     dtype = np.bool_ if name in COMPARISONS else out.dtype
     return [reader.map(lambda *values: builder.apply(name, *values), dtype, *given)]
+
+
+def _is_shared(divisor: Entries, shape: tuple[int, ...]) -> bool:
+    """Return whether an array is constant, or broadcast to a shape, now or before."""
+    steps = np.broadcast_to(divisor, shape).strides
+    return divisor.dtype != object or any(n > 1 and not step for n, step in zip(shape, steps, strict=True))
 
 
 def simplest(entries: Entries) -> Entries:

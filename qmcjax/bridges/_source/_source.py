@@ -9,10 +9,11 @@ import numpy as np
 
 from qmcjax.bridges._source._c import C, Cuda
 from qmcjax.bridges._source._header import EXACT, FLOATS, Header
-from qmcjax.bridges._source._language import RESERVED, Language
+from qmcjax.bridges._source._language import Language
 from qmcjax.bridges._source._nouns import Seeded, noun
 from qmcjax.bridges._source._program import FLOAT, UINT
 from qmcjax.bridges._source._read import read, traced
+from qmcjax.bridges._source._reserved import reserving
 from qmcjax.bridges._source._sampler_programs import SamplerPrograms
 from qmcjax.bridges._source._seeds import padding_words
 from qmcjax.bridges._source._shaders import Glsl, Hlsl, Wgsl
@@ -111,8 +112,8 @@ def _check_name(name: Any) -> None:
         raise ValueError(
             f"name must be an identifier of letters, digits and single underscores, got {checks.shown(name)}"
         )
-    if name in RESERVED:
-        raise ValueError(f"name must not be a word of one of the languages, got {name!r}")
+    if languages := reserving(name):
+        raise ValueError(f"name must not be a reserved word of {', '.join(languages)}, got {name!r}")
 
 
 def _checked_size(sampler: Sampler, *size: int | None) -> list[int | None]:

@@ -1,0 +1,102 @@
+"""Floats in C as XLA computes them: conversions to integers, quotients, minima and NaN."""
+
+import compiled
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import samplers, scenes
+from qmcjax.bridges import source
+
+SPECIAL = [np.nan, np.inf, -np.inf, 0, -0.0, -0.5, 127.5, 128, 255.9, 256, -128.9, -129, 65535.5, 1e10, -1e10]
+SPECIAL += [sign * 2.0**power for sign in (1, -1) for power in (31, 32, 63, 64, 99)]
+INTEGERS = [np.dtype(f"{kind}int{bits}") for kind in ("", "u") for bits in (8, 16, 32, 64)]
+
+
+def floats(count=2**16):
+    """Return words whose bits are floats of all sizes that are not subnormal, which XLA takes for 0."""
+    words = np.random.default_rng(7).integers(0, 2**32, count, dtype=np.uint32)
+    made = words.view(np.float32)
+    made[: count // 2] = np.where(words[: count // 2] & 1, 1, -1) * 10.0 ** np.linspace(-3, 20, count // 2)
+    made[: len(SPECIAL)] = SPECIAL
+    return np.where(np.abs(made) < np.finfo(np.float32).tiny, np.float32(1), made).view(np.uint32)
+
+
+def of_bits(word):
+    return jax.lax.bitcast_convert_type(word, jnp.float32)
+
+
+def converted(dtype, wide):
+    def points(x, y, sample):
+        with jax.enable_x64(True):
+            value = of_bits(x).astype(jnp.float64) * 1.0000001 if wide else of_bits(x)
+            made = value.astype(dtype).astype(jnp.uint64)
+            return of_bits(jnp.stack([made.astype(jnp.uint32), (made >> 32).astype(jnp.uint32)]))
+
+    return points
+
+
+def in_range(function):
+    """Return a function of numbers that are neither infinite nor NaN."""
+    return lambda x, y, sample: function(*(word.astype(jnp.float32) for word in (x, y)))
+
+
+def wide(x, y):
+    """Divide in float64 by a constant, by constants, and by what is broadcast."""
+    with jax.enable_x64(True):
+        both = jnp.stack([x, y]).astype(jnp.float64)
+        return (both / 7 / np.array([3.0, 11.0]) / jnp.abs(both[:1])).astype(jnp.float32)
+
+
+FUNCTIONS = {
+    **{f"{dtype} of float{32 + 32 * wide}": converted(dtype, wide) for dtype in INTEGERS for wide in (0, 1)},
+    "clip": lambda x, y, s: jnp.stack(
+        [of_bits(jnp.clip(of_bits(x), 2, 5).astype(jnp.uint32)), jnp.clip(of_bits(y), -3, 4)]
+    ),
+    "min, max": lambda x, y, s: jnp.stack(
+        [jnp.minimum(of_bits(x), of_bits(y)), jnp.maximum(of_bits(x), of_bits(y))]
+    ),
+    "root of a quotient": in_range(lambda x, y: jnp.sqrt(jnp.stack([x, y]) / 7)),
+    "by constants": in_range(lambda x, y: jnp.stack([x, y]) / np.array([3, 11], np.float32)),
+    "by a sum": in_range(lambda x, y: jnp.stack([x, y]) / jnp.sum(jnp.stack([x, y]), keepdims=True)),
+    "by one entry": in_range(lambda x, y: jnp.stack([x, y]) / jnp.maximum(x, 1)),
+    "by another": in_range(lambda x, y: jnp.stack([x / jnp.maximum(y, 1), 7 / jnp.maximum(x, 1)])),
+    "in float64": in_range(lambda x, y: wide(jnp.maximum(x, 1), y)),
+}
+
+
+@pytest.mark.skipif(compiled.missing("gcc") is not None, reason="no gcc")
+def test_floats_have_the_bits_of_xla(tmp_path):
+    x = floats()
+    y, texts = np.random.default_rng(8).permutation(x), []
+    for number, function in enumerate(FUNCTIONS.values()):
+        name = f"object{number}"
+        texts.append(
+            compiled.driven(source(samplers.function(function, 2), name=name), "sampler", "gcc", 2, 0, name)
+        )
+    library, different = compiled.library(tmp_path, "\n".join(texts), "gcc", ["-ffp-contract=off"]), []
+    for number, (title, function) in enumerate(FUNCTIONS.items()):
+        expected = np.asarray(jax.jit(jax.vmap(function))(x, y, x))
+        found = compiled.called(library, "sampler", [x, y, x], 2, f"object{number}")
+        same = (found.view(np.uint32) == expected.view(np.uint32)) | (np.isnan(found) & np.isnan(expected))
+        if not np.all(
+            same if title in ("clip", "min, max") else found.view(np.uint32) == expected.view(np.uint32)
+        ):
+            different.append((title, np.mean(~same)))
+    assert not different
+
+
+def test_conversions_of_what_is_in_range_cost_nothing():
+    def cell(point):
+        return jnp.floor(jnp.abs(jnp.sin(point[..., 0]))).astype(jnp.int32).astype(jnp.float32)
+
+    unknown = source(scenes.function(cell, ("x", "y")))
+    assert "2147483647" in unknown and "!=" in unknown
+    known = source(
+        samplers.function(
+            lambda x, y, s: ((x >> 8).astype(jnp.float32) * 2**-24 * 9).astype(jnp.int32) / 9 + jnp.zeros(2),
+            2,
+        )
+    )
+    assert "2147483" not in known and "!=" not in known and "?" not in known.split("_pair(")[0]

@@ -11,7 +11,6 @@ from programs import evaluated
 from refusals import refused
 
 from qmcjax.bridges._source._builder import Builder
-from qmcjax.bridges._source._program import UINT
 from qmcjax.bridges._source._read import finished, inputs_of, reader_of
 
 X, Y = np.random.default_rng(7).integers(0, 2**20, (2, 200)).astype(np.uint32)
@@ -92,14 +91,13 @@ def test_new_primitives_mean_what_they_say():
     assert np.array_equal(evaluated(polynomial, X, Y)[0], Y + 7 * X)
     one = read(lambda x, y: -x, lambda *_: "one_minus_square")
     assert np.array_equal(evaluated(one, X, Y)[0], (1 + X) * (1 - X))
-    builder, rows = Builder(), np.empty((2, 3), object)
-    rows[:] = [[builder.input(3 * i + j, UINT) for j in range(3)] for i in range(2)]
-    for axis in (0, 1):
+    builder = Builder()
+    (rows,) = inputs_of(builder, [jax.ShapeDtypeStruct((2, 3), np.uint32)])
+    for axis, entries in ((0, rows), (1, rows), (0, rows[0])):
         equation = SimpleNamespace(params={"axis": axis})
-        made = reader_of(builder).rules["unstack"](None, equation, [rows])
-        assert all(
-            np.array_equal(one, other) for one, other in zip(made, np.moveaxis(rows, axis, 0), strict=True)
-        )
+        made = reader_of(builder).rules["unstack"](None, equation, [entries])
+        assert len(made) == entries.shape[axis] and all(part.ndim == entries.ndim - 1 for part in made)
+        assert np.array_equal(np.stack(made, axis), entries)
 
 
 def renamed(name, params):

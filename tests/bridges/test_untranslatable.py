@@ -66,7 +66,7 @@ WORDS_OF = {
     "C": "float int32_t restrict nullptr memcpy sqrtf M_PI lgammaf_r UINT32_MAX typeof strnlen NAN y1 main",
     "C++": "not_eq decltype co_await char8_t reinterpret_cast xor typeid final std",
     "CUDA": "float4 make_int2 threadIdx rsqrtf longlong3 atomicAdd half2 cudaMalloc warpSize norm3df",
-    "GLSL": "buffer shared filter input output vec3 dmat3x2 usampler2DArray gl_FragCoord texelFetch superp mod",
+    "GLSL": "buffer shared filter input output vec3 dmat3x2 usampler2DArray gl_FragCoord texelFetch mod",
     "WGSL": "type self set from fn i32 bitcast vec2f mat4x3h macro_rules yield Self storageBarrier select",
     "HLSL": "matrix pass int3x4 min16float2 RWStructuredBuffer saturate asuint groupshared Texture2DMS lerp",
 }

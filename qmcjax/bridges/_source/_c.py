@@ -32,7 +32,12 @@ static inline {to} qmcjax_as_{name}({of} value) {{
     return bits;
 }}
 #endif"""
-    for name, of, to in (("float", "uint32_t", "float"), ("word", "float", "uint32_t"))
+    for name, of, to in (
+        ("float", "uint32_t", "float"),
+        ("word", "float", "uint32_t"),
+        ("double", "uint64_t", "double"),
+        ("words", "double", "uint64_t"),
+    )
 }
 
 
@@ -55,8 +60,15 @@ class C(Language):
     smallest: ClassVar = "(-2147483647 - 1)"
     suffix: ClassVar = "f"
     cast: ClassVar = "({kind}){value}"
-    as_float: ClassVar = "qmcjax_as_float({value})"
-    as_integer: ClassVar = "({kind})qmcjax_as_word({value})"
+    casts: ClassVar = {
+        FLOAT: "qmcjax_as_float({value})",
+        UINT: "qmcjax_as_word({value})",
+        INT: "(int32_t)qmcjax_as_word({value})",
+        DOUBLE: "qmcjax_as_double({value})",
+        ULONG: "qmcjax_as_words({value})",
+        LONG: "(int64_t)qmcjax_as_words({value})",
+    }
+    """The bits of an integer as a float, or of a float as an integer."""
     constant: ClassVar = "const {kind} {name} = {value};"
     array: ClassVar = f"static const{BRACED}"
     structure: ClassVar = "typedef struct {{\n{members}\n}} {name};"
@@ -76,6 +88,9 @@ class C(Language):
         if known.dtype.kind == "f" and not np.isfinite(known):
             return "NAN" if known != known else "INFINITY" if known > 0 else "(-INFINITY)"
         return super().literal(known)
+
+    def of_bits(self, dtype: np.dtype, value: str) -> str:
+        return self.casts[dtype].format(value=value)
 
     def head(self, text: str) -> str:
         casts = [cast for cast in _CASTS if f"{cast}(" in text]
@@ -111,8 +126,14 @@ class C(Language):
 class Cuda(C):
     """CUDA C++, for device code."""
 
-    as_float: ClassVar = "__uint_as_float({value})"
-    as_integer: ClassVar = "({kind})__float_as_uint({value})"
+    casts: ClassVar = {
+        FLOAT: "__uint_as_float({value})",
+        UINT: "__float_as_uint({value})",
+        INT: "(int32_t)__float_as_uint({value})",
+        DOUBLE: "__longlong_as_double({value})",
+        ULONG: "(uint64_t)__double_as_longlong({value})",
+        LONG: "__double_as_longlong({value})",
+    }
     array: ClassVar = f"static __device__ const{BRACED}"
     head_of: ClassVar = "static __device__ inline {kind} {name}({parameters})"
 

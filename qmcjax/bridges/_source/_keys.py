@@ -48,7 +48,7 @@ def _blocks(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
 
 
 def _halves(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
-    """Return words of a shape without ``jax_threefry_partitionable``: counters in one half of them pair with the other."""
+    """Return words of a shape if ``jax_threefry_partitionable`` is off: halves of the counters make pairs."""
     count = int(np.prod(shape))
     counters = np.arange(count + count % 2, dtype=np.uint32)
     counters[count:] = 0

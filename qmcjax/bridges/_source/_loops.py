@@ -103,7 +103,7 @@ def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 
 
 def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    """Arguments are what the body uses, what the loop changes, and rows: these have one more axis than inside."""
+    """Arguments are what the body uses, what the loop changes, and rows, with one more axis than inside."""
     length, body = equation.params["length"], equation.params["jaxpr"]
     stacked = _longer(equation.made, opened(body).outvars)
     carries = len(equation.made) - stacked

@@ -45,7 +45,7 @@ def _stack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 
 def _unstack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     del reader
-    return list(np.moveaxis(given[0], equation.params["axis"], 0))
+    return [np.asarray(entries) for entries in np.moveaxis(given[0], equation.params["axis"], 0)]
 
 
 def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:

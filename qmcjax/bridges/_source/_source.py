@@ -49,7 +49,8 @@ def source(
     language : {"c", "glsl", "wgsl", "hlsl", "cuda"}
         C99, which is C++ as well; GLSL ES 3.00; WGSL; HLSL; CUDA C++ for device code.
     name : str
-        An identifier: the names of all functions, types and tables begin with it.
+        An identifier, reserved by none of the languages: the names of all functions, types and tables begin
+        with it.
     width, height : int, optional
         The size of the image, checked against the sampler's.
     spp : int, optional

@@ -1,5 +1,6 @@
 """Scrambled digits in base b: nested, uniform, inside their intervals, down to the zeros behind."""
 
+import math
 from fractions import Fraction
 from functools import cache, partial
 from itertools import permutations
@@ -14,6 +15,7 @@ from tables import compositions, first, slow, some
 from qmcjax import sequences
 from qmcjax.core import digits
 from qmcjax.sequences._halton.halton import RadicalInverses
+from qmcjax.sequences._scrambling.owen_exact_base_b import drawn_together
 
 SCRAMBLINGS = {
     "owen": sequences.owen,
@@ -433,3 +435,12 @@ def test_what_has_no_digits_is_refused(scramble):
         scramble(PLAIN["halton"], "seed")
     with pytest.raises(TypeError, match=r"sequence must be a sequence with digits.* got owen_exact"):
         sequences.owen(sequences.owen_exact(PLAIN["halton"], 1), 1)
+
+
+def test_swaps_drawn_together_are_nearly_uniform():
+    """One word has at most 2**13 outcomes, or one swap; with another swap it would have more."""
+    for base in range(3, 2**13, 7):
+        count = drawn_together(base)
+        outcomes = [math.prod(range(base - k + 1, base + 1)) for k in (count, count + 1)]
+        assert count == 1 or outcomes[0] <= 2**13
+        assert count == base - 1 or outcomes[1] > 2**13

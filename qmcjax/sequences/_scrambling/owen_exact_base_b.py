@@ -71,12 +71,18 @@ def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Arr
     return hash_word(node + hash_word(number ^ seeds[..., 1])) ^ node
 
 
-def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
-    """Return the image of a digit under a uniform random permutation: Fisher-Yates swaps, from the top."""
-    top = np.max(base)
+def drawn_together(top: int) -> int:
+    """Return how many swaps of a permutation of ``top`` digits one random word draws."""
     together = 1
     while together < top - 1 and np.prod(top - np.arange(together + 1)) <= _DRAWN:
         together += 1
+    return together
+
+
+def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
+    """Return the image of a digit under a uniform random permutation: Fisher-Yates swaps, from the top."""
+    top = np.max(base)
+    together = drawn_together(top)
     above = word(base - 1)
 
     def swap(which: Array, position: Array) -> Array:

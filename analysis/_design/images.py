@@ -45,8 +45,8 @@ def rendered(integrands: Any, shape: tuple[int, ...]) -> tuple[Rendered, ...]:
     if not integrands:
         raise ValueError(f"integrands must contain {wanted}, got none")
     for one in integrands:
-        if isinstance(one, type) or not callable(one):
-            raise TypeError(f"integrands must contain {wanted}, got {checks.shown(one)}")
+        if not is_scene(one):
+            checks.function("integrands", one, "of points, a scene, or several of these")
     return tuple((_scene if is_scene(one) else _function)(one, shape) for one in integrands)
 
 

@@ -183,6 +183,8 @@ def mean_spectrum(
     """
     checks.function("make", make, "from a key to an array")
     try:
+        if isinstance(keys, str):
+            raise TypeError
         keys = iter(keys)
     except TypeError:
         raise TypeError(f"keys must be an iterable of keys, got {checks.shown(keys)}") from None

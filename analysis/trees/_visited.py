@@ -54,8 +54,8 @@ def nodes_visited(
     [2 3]
     """
     tree_given(tree)
-    if distance is not None and not callable(distance):
-        raise TypeError(f"distance must be callable, got {checks.shown(distance)}")
+    if distance is not None:
+        checks.function("distance", distance, "of numbers of rays and of leaves", 2)
     shape, start, toward = numbers_of_rays(origin, direction)
     timed = tree.times is not None or tree.low.shape[-1] == 4
     if timed and time is None:

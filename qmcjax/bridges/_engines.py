@@ -98,7 +98,13 @@ class SequenceEngine(qmc.QMCEngine):
 
     def __init__(self, sequence: Any, *, optimization: str | None = None, rng: Any = None) -> None:
         self.sequence = as_sequence("sequence", sequence)
-        super().__init__(d=self.sequence.dims, optimization=optimization, rng=rng)  # pyright: ignore
+        if optimization is not None and not isinstance(optimization, str):
+            raise TypeError(f"optimization must be None or a string, got {checks.shown(optimization)}")
+        try:
+            generator = np.random.default_rng(rng)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"rng must be one of NumPy, or a seed, got {checks.shown(rng)}") from None
+        super().__init__(d=self.sequence.dims, optimization=optimization, rng=generator)  # pyright: ignore
 
     def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
         self.num_generated = int(self.num_generated)  # scipy adds whatever integers it was given.

@@ -3,6 +3,7 @@
 A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
 """
 
+import inspect
 import operator
 from collections.abc import Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -85,10 +86,18 @@ def choice(name: str, value: Any, choices: Iterable[str | None]) -> str:
     return value
 
 
-def function(name: str, value: Any, of: str) -> None:
-    """Raise a TypeError unless ``value`` can be called and is no class; ``of``: its arguments, in words."""
+def function(name: str, value: Any, of: str, count: int = 1) -> None:
+    """Raise a TypeError unless ``value`` is a function of ``count`` arguments; ``of``: these, in words."""
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be a function {of}, got {shown(value)}")
+    try:
+        taken = inspect.signature(value)
+    except (TypeError, ValueError):  # Some functions in C have none.
+        return
+    try:
+        taken.bind(*[None] * count)
+    except TypeError as error:
+        raise TypeError(f"{name} must be a function {of}, got {shown(value)} of {taken}: {error}") from None
 
 
 def progress(value: Any) -> None:

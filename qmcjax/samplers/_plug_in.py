@@ -89,7 +89,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     >>> print(centres(3, 1, 0))
     [0.5 0.5]
     """
-    checks.function("f", f, "of x, y and sample")
+    checks.function("f", f, "of x, y and sample", 3)
     return Function(checks.integer("dims", dims, 1, MAX_DIMS), wrap("f", f))
 
 

@@ -101,12 +101,12 @@ def randomized(
     [ True  True]
     """
     key = checks.prng_key("key", key)
-    noun = hasattr(sampler_of_key, "dims") or hasattr(sampler_of_key, "needs")
-    if not callable(sampler_of_key) or isinstance(sampler_of_key, type) or noun:
+    if hasattr(sampler_of_key, "dims") or hasattr(sampler_of_key, "needs"):
         raise TypeError(
             "sampler_of_key must be a function that makes a sampler of a key, "
             f"got {checks.shown(sampler_of_key)}"
         )
+    checks.function("sampler_of_key", sampler_of_key, "of a key")
     made = sampler_of_key(key)
     sampler = as_sampler("sampler_of_key(key)", made)
     if spp is None:

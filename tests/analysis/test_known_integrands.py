@@ -134,7 +134,7 @@ def test_points_designed_for_functions_are_a_tile():
 
 test_wrong_integrands = refused(
     ([], ValueError, "integrands must contain scenes and functions .*, got none"),
-    ([smooth, 3], TypeError, "integrands must contain scenes and functions .*, got 3"),
+    ([smooth, 3], TypeError, "integrands must be a function of points, a scene, .*, got 3"),
     ([scenes.occluder()], ValueError, "integrands must contain scenes of at most 2 dimensions.*, got 5"),
     ([lambda x: x], ValueError, "integrands must contain functions from points .*, 2. to floats"),
     call=lambda integrands: expected_error(POINTS, integrands),

@@ -486,7 +486,7 @@ test_mistakes_are_named = refused(
     (lambda: trees.refitted(TREE, *FINE, times=[0, 1]), ValueError, r"low must have shape \(k, n, 3\)"),
     (lambda: trees.nodes_visited(TREE, *UP[:1] * 2), ValueError, "direction must have a length"),
     (lambda: trees.nodes_visited(TREE, np.ones((2, 3)), np.ones((4, 3))), ValueError, "direction must"),
-    (lambda: trees.nodes_visited(TREE, *UP, 1.0), TypeError, "distance must be callable, got 1.0"),
+    (lambda: trees.nodes_visited(TREE, *UP, 1.0), TypeError, "distance must be a function of .*, got 1.0"),
     (
         lambda: trees.nodes_visited(TREE, TREE.low[:1] - [0, 0, 1], UP[1], lambda *_: np.ones(1000)),
         ValueError,

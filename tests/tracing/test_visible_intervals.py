@@ -506,7 +506,7 @@ def test_straightened_motions_are_the_motion_at_their_times():
     for wrong, error in ((([0.0],), ValueError), (([0.5, 0.5],), ValueError), (("a",), TypeError)):
         with pytest.raises(error, match="times must be"):
             motion.straightened(turning, *wrong)
-    with pytest.raises(TypeError, match="motion must be callable"):
+    with pytest.raises(TypeError, match="motion must be a function of times"):
         motion.straightened(3, times)
     with pytest.raises(ValueError, match="motion must map times"):
         motion.straightened(lambda t: (t, t), times)

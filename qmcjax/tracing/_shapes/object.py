@@ -115,9 +115,10 @@ class Object:
 
 def as_motion(motion: Any) -> Any:
     """Return a motion, or None, as a pytree, or raise a TypeError."""
-    if motion is None or callable(motion):
-        return None if motion is None else wrap("motion", motion)
-    raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
+    if motion is None:
+        return None
+    checks.function("motion", motion, "of times")
+    return wrap("motion", motion)
 
 
 def as_object(name: str, value: Any) -> Object:

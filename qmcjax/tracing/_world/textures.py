@@ -120,6 +120,7 @@ def stripes(
 def color(name: str, value: Any, most: float = np.inf) -> Any:
     """Return a colour of three numbers in [0, most], or a texture."""
     if callable(unwrap(value)):
+        checks.function(name, unwrap(value), "of u, v and time", 3)
         return wrap(name, value)
     single = axes(value) == 0
     array = numbers(name, value, () if single else (3,))

@@ -11,6 +11,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import ArrayLike
 
+from qmcjax.core import checks
 from qmcjax.core.parameters import floats, numbers
 from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
@@ -109,6 +110,9 @@ def affine(
     matrix = np.eye(3) if matrix is None else matrix
     translation = np.zeros(3) if translation is None else translation
     given = ("matrix", matrix, (3, 3)), ("translation", translation, (3,))
+    for name, value, _ in given:
+        if callable(value):
+            checks.function(name, value, "of times")
     parts = (
         wrap(name, value) if callable(value) else numbers(name, value, shape) for name, value, shape in given
     )

@@ -95,8 +95,7 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
     >>> print(path(np.pi / 7).round(6) + 0.0)
     [0.]
     """
-    if not callable(curve):
-        raise TypeError(f"curve must be callable, got {checks.shown(curve)}")
+    checks.function("curve", curve, "of times")
     interval = np.array([numbers(n, known(n, value)) for n, value in (("start", start), ("end", end))])
     if not interval[0] < interval[1]:
         raise ValueError(f"start must be before end, got {start!r} and {end!r}")

@@ -60,8 +60,7 @@ def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLik
      [ 0.5  0.5  0. ]
      [ 0.   0.   1. ]]
     """
-    if not callable(motion):
-        raise TypeError(f"motion must be callable, got {checks.shown(motion)}")
+    checks.function("motion", motion, "of times")
     knots = numbers("times", times, (None,))
     require("times", knots, lambda t: len(t) > 1 and (t[1:] > t[:-1]).all(), "two or more, increasing")
     return Straightened(knots, *moved(motion, jnp.asarray(knots)))

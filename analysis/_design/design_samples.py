@@ -159,8 +159,7 @@ def design_samples(
     else:
         nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)
         classes = tuple(
-            (_averaged(of, nodes), share)
-            for of, share in classes_of(integrands, np.full((1, shape[4]), 0.5), shape[4])
+            (_averaged(of, nodes), share) for of, share in classes_of(integrands, nodes, shape[4])
         )
         near, paired = offsets(weights, _LEAST)
 

@@ -70,8 +70,8 @@ def expected_error(
     Returns
     -------
     float
-        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array of their dtype, differentiable. Pairs
-        that coincide have no part in the gradient. Known points are measured in float64.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array of their dtype, differentiable; twice
+        by ``jax.hessian``. Pairs that coincide have no part in the gradient. All are measured in float64.
 
     Notes
     -----
@@ -104,9 +104,36 @@ def expected_error(
         pairs, classes = offsets(weights, _LEAST), classes_of(integrands, given, shape[-1])
         square = partial(mean_square, offsets=pairs[0], weights=pairs[1], classes=classes)
     if isinstance(given, Tracer):
-        return cast(Any, _arguments.root(square(given.reshape(shape))))
+        return cast(Any, _in_float64(square)(given.reshape(shape)))
     with jax.enable_x64(True):
         return float(_arguments.root(square(jnp.asarray(given, jnp.float64).reshape(shape))))
+
+
+def _in_float64(square: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Return the root of a square that is evaluated, and differentiated, in float64.
+
+    A kernel's mean over pairs and twice its potential differ in the last digits of float32 only. What is
+    transposed outside of ``enable_x64`` would be transposed in float32: so the derivative is a product with
+    the whole gradient.
+    """
+
+    def root(points: Array) -> Array:
+        return _arguments.root(square(points))
+
+    @jax.custom_jvp
+    def rounded(points: Array) -> Array:
+        with jax.enable_x64(True):
+            return root(points.astype(jnp.float64)).astype(points.dtype)
+
+    @rounded.defjvp
+    def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        (points,), (moves,) = primals, tangents
+        with jax.enable_x64(True):
+            value, slopes = jax.value_and_grad(root)(points.astype(jnp.float64))
+            value, slopes = value.astype(points.dtype), slopes.astype(points.dtype)
+        return value, jnp.sum(slopes * moves)
+
+    return rounded
 
 
 def tile_of(points: Any) -> tuple[Any, tuple[int, ...]]:
@@ -153,12 +180,20 @@ def _of_kernel(kernel: Kernel, points: Any, dims: int) -> IntegrandClass:
             raise ValueError(
                 f"integrands must map points (..., d) to (...), got {matrix.shape} for {some.shape}"
             )
+        wanted = "integrands must be a symmetric, conditionally positive definite kernel, got "
+        if not np.isfinite(matrix).all():
+            one, other = np.asarray(some)[np.argwhere(~np.isfinite(matrix))[0]]
+            raise ValueError(f"{wanted}{matrix[~np.isfinite(matrix)][0]} for {one} and {other}")
+        turned = np.abs(matrix - matrix.T)
+        if turned.max() > _NEGATIVE * np.abs(matrix).max():
+            i, j = np.unravel_index(turned.argmax(), turned.shape)
+            raise ValueError(f"{wanted}{matrix[i, j]:.6g} for two points, {matrix[j, i]:.6g} in turned order")
         centred = matrix - matrix.mean(axis=0) - matrix.mean(axis=1, keepdims=True) + matrix.mean()
-        eigenvalues = np.linalg.eigvalsh((centred + centred.T) / 2)
+        eigenvalues = np.linalg.eigvalsh(centred)
         if not eigenvalues[0] >= -_NEGATIVE * max(eigenvalues[-1], np.finfo(float).tiny):
             raise ValueError(
-                "integrands must be a conditionally positive definite kernel, "
-                f"got eigenvalues from {eigenvalues[0]:.3g} to {eigenvalues[-1]:.3g} at {len(some)} points"
+                f"{wanted}eigenvalues from {eigenvalues[0]:.3g} to {eigenvalues[-1]:.3g} "
+                f"at {len(some)} points"
             )
         mean = float(lax.map(lambda x: jnp.mean(kernel(x[None], nodes)), nodes, batch_size=64).mean())
 

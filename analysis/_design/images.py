@@ -60,6 +60,8 @@ def _function(f: Callable[[Array], Array], shape: tuple[int, ...]) -> Rendered:
                 f"got {checks.shown(found)} for {nodes.shape}"
             )
         exact = np.asarray(found.mean(), np.float64).reshape(1, 1, 1, 1)
+    if not np.isfinite(exact).all():
+        raise ValueError("integrands must contain finite functions, got NaN or infinity")
     return Rendered(lambda points: f(points)[..., None], exact)
 
 

@@ -25,10 +25,10 @@ from scipy import special
 BUMP = 0.15
 """Standard deviation of the Gaussian bumps."""
 
-_LOW, _HIGH, _NODES = -8.0, 12.0, 96
+_LOW, _HIGH, _NODES = -8.0, 14.0, 160
 """Range of the logarithm of 1 / width in mixtures of Gaussians, and nodes of the rule there."""
 
-_TERMS = 8
+_TERMS = 11
 """Of the series for small arguments, to rounding errors below 1 / 2."""
 
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.special import erf
+from scipy.stats import qmc
 from tables import few, points_of
 
-from analysis import Filter, expected_error, filtered_error
+from analysis import Filter, design_samples, expected_error, filtered_error
 from analysis._design.integrand_classes import BUMP, CLASSES
 from qmcjax import samplers, sequences
 
@@ -84,12 +85,23 @@ def test_potentials_are_means_of_the_kernel(name, dims):
     np.testing.assert_allclose(rounded[1:], exact[1:], rtol=2e-6, atol=1e-7)
 
 
-def test_mean_distance_in_the_square():
-    """(2 + sqrt 2 + 5 log(1 + sqrt 2)) / 15, and 1/3 on a line."""
-    for dims, mean in ((1, 1 / 3), (2, (2 + np.sqrt(2) + 5 * np.log(1 + np.sqrt(2))) / 15)):
-        of = CLASSES["half_spaces"](dims)
-        ends = jnp.zeros((1, dims)), jnp.eye(dims)[:1]
-        assert of.mean / float(of.pair(*ends)[0]) == pytest.approx(mean, rel=1e-6)
+def test_potentials_of_distances_are_closed_forms():
+    """The mean distance is 1/3 on a line, and (2 + sqrt 2 + 5 log(1 + sqrt 2)) / 15 in the square."""
+
+    def from_corner(a, b):
+        return a * b * np.hypot(a, b) / 3 + a**3 / 6 * np.arcsinh(b / a) + b**3 / 6 * np.arcsinh(a / b)
+
+    x, y = np.random.default_rng(3).random((2, 500))
+    in_square = sum(from_corner(a, b) for a in (x, 1 - x) for b in (y, 1 - y))
+    for at, mean, exact in (
+        (x[:, None], 1 / 3, (x**2 + (1 - x) ** 2) / 2),
+        (np.stack([x, y], axis=-1), (2 + np.sqrt(2) + 5 * np.log(1 + np.sqrt(2))) / 15, in_square),
+    ):
+        of = CLASSES["half_spaces"](at.shape[1])
+        with jax.enable_x64(True):
+            unit = float(of.pair(np.zeros((1, at.shape[1])), np.eye(at.shape[1])[:1])[0])
+            np.testing.assert_allclose(of.potential(at) / unit, exact, rtol=1e-11)
+        assert of.mean / unit == pytest.approx(mean, rel=1e-11)
 
 
 def test_filters_by_taps_and_sigma():
@@ -183,13 +195,16 @@ def test_z_is_better_than_independent_points():
     assert of["z"] < 0.7 * of["independent"]
 
 
-@pytest.mark.parametrize("integrands", few([*CLASSES, "kernel"], "bumps"))
+def gaussian(x, y):
+    return jnp.exp(-jnp.sum((x - y) ** 2, axis=-1))
+
+
+KINDS = {**{name: name for name in CLASSES}, "kernel": gaussian, "list": [lambda x: jnp.exp(x[..., 0])]}
+
+
+@pytest.mark.parametrize("integrands", few(KINDS, "bumps"))
 def test_traced_points_gradients_and_batches(integrands):
-    if integrands == "kernel":
-
-        def integrands(x, y):
-            return jnp.exp(-jnp.sum((x - y) ** 2, axis=-1))
-
+    integrands = KINDS[integrands]
     points = tile(4, 5, 2, 2)
     direction = np.random.default_rng(2).normal(size=points.shape)
     with jax.enable_x64(True):
@@ -201,7 +216,31 @@ def test_traced_points_gradients_and_batches(integrands):
     assert np.sum(np.asarray(gradient) * direction) == pytest.approx((ahead - behind) / 2e-6, rel=1e-5)
     single = jax.jit(lambda p: expected_error(p, integrands))(points.astype(np.float32))
     assert single.dtype == np.float32
-    assert float(single) == pytest.approx(float(value), rel=1e-4)
+    assert float(single) == pytest.approx(float(value), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", few(KINDS, "bumps"))
+@pytest.mark.parametrize("filters", few((1.5, 0), 1.5))
+def test_float32_has_the_digits_of_float64(kind, filters):
+    """Values and gradients of 256 good samples, where the kernel's mean and twice its potential cancel."""
+    y, x, sample = np.indices((2, 1, 256), np.uint32)
+    points = np.asarray(samplers.optimized(1, 2, 256, key=1)(x, y, sample))
+
+    def measure(points):
+        return expected_error(points, KINDS[kind], filters)
+
+    value, gradient = jax.jit(jax.value_and_grad(measure))(points)
+    assert value.dtype == gradient.dtype == np.float32
+    with jax.enable_x64(True):
+        exact = np.asarray(jax.grad(measure)(jnp.asarray(points, jnp.float64)))
+    assert float(value) == pytest.approx(measure(points), rel=1e-6)
+    np.testing.assert_allclose(gradient, exact, rtol=1e-3, atol=1e-5 * abs(exact).max())
+    if not filters and kind in ("boxes", "steps"):
+        # Boxes have the mean square of the L2 star discrepancy, steps that of each coordinate.
+        sets = points.astype(float).reshape(2, 256, 2)
+        sets = sets if kind == "boxes" else np.moveaxis(sets, 2, 0).reshape(4, 256, 1)
+        squares = [qmc.discrepancy(one, method="L2-star") ** 2 for one in sets]
+        assert float(value) == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-4)
 
 
 def test_points_that_coincide_have_no_part_in_the_gradient():
@@ -223,6 +262,24 @@ def test_descent_lowers_the_error_of_other_integrands():
 
 TILE = tile(4, 4, 1, 2)
 
+NO_KERNEL = "^integrands must be a symmetric, conditionally positive definite kernel, got "
+NO_KERNELS = [
+    (lambda x, y: jnp.sum((x - y) ** 4, axis=-1), NO_KERNEL + "eigenvalues from -"),
+    (lambda x, y: -gaussian(x, y), NO_KERNEL + "eigenvalues from -"),
+    (lambda x, y: x[..., 0] * y[..., 1], NO_KERNEL + ".* in turned order"),
+    (lambda x, y: gaussian(x, y) + x[..., 0], NO_KERNEL + ".* in turned order"),
+    (lambda x, y: jnp.log(gaussian(x, y) - 1), NO_KERNEL + "(nan|-inf) for "),
+]
+
+
+@pytest.mark.parametrize(("kernel", "sentence"), NO_KERNELS)
+def test_descents_and_traced_points_refuse_the_same_kernels(kernel, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        design_samples(2, 2, 1, 1, integrands=kernel, steps=20)
+    with pytest.raises(ValueError, match=sentence):
+        jax.jit(lambda points: expected_error(points, kernel))(TILE)
+
+
 test_wrong_arguments = refused(
     (tile(3, 2), "^points must have shape .height, width, spp, d. or .height, width, frames, spp, d., got"),
     (TILE + 1, r"^points must be in \[0, 1\), got"),
@@ -230,11 +287,8 @@ test_wrong_arguments = refused(
     (TILE, "lines", "^integrands must be one of"),
     (TILE, None, "^integrands must be one of"),
     (TILE, {"bumps": -1.0}, r"^integrands\['bumps'\] must be positive"),
-    (
-        TILE,
-        lambda x, y: jnp.sum((x - y) ** 4, axis=-1),
-        "^integrands must be a conditionally positive definite",
-    ),
+    *((TILE, kernel, sentence) for kernel, sentence in NO_KERNELS),
+    (TILE, [lambda x: x[..., 0] / 0], "^integrands must contain finite functions, got NaN or infinity"),
     (TILE, lambda x, y: x - y, r"^integrands must map points \(..., d\) to"),
     (TILE, "boxes", -1.0, "^filters.space must be finite and at least 0"),
     (TILE, "boxes", Filter([[1.0, -2.0]]), "^filters.space must be finite taps, of shape .rows, columns."),

@@ -1,5 +1,1 @@
 """What people look at: one module a figure, each with ``make(quality, progress) -> (picture, numbers)``."""
-
-from qmcjax.core import packages
-
-packages.check()

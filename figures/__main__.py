@@ -21,6 +21,7 @@ from figures.making import compiled_programs, heitz, memory, stbn, store
 from figures.making.figures import warn
 from figures.making.job import Job, Where
 from figures.making.updating import update
+from qmcjax.core import packages
 
 COMMANDS = {
     "compare": "figures.arena",
@@ -150,6 +151,7 @@ def _join(options: argparse.Namespace) -> Job:
 
 def until_nobody_reads() -> int:
     """Run the command line, and end quietly when who reads what it prints, such as ``head``, has ended."""
+    packages.check()
     try:
         status = main()
         sys.stdout.flush()

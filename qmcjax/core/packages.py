@@ -12,24 +12,21 @@ SAFE = "PYTHONSAFEPATH"
 
 
 def check() -> None:
-    """Raise an ImportError that names the file if a package is not the one beside this one."""
+    """End the program, with the name of the file, if a package is not the one beside this one."""
     root = Path(__file__).resolve().parents[2]
     for name in PACKAGES:
         found = importlib.util.find_spec(name)
         if found is None or found.origin is None:
-            raise ImportError(f"the package {name} must be in {root}, where qmcjax is")
+            sys.exit(f"qmcjax: the package {name} must be in {root}, where qmcjax is")
         if Path(found.origin).resolve().parents[1] != root:
-            raise ImportError(
-                f"{found.origin} hides the package {name} of qmcjax, which is in {root}: rename that file, "
-                "or, if it is in the current folder, run qmcjax ... instead of python -m figures ..."
+            sys.exit(
+                f"qmcjax: {found.origin} hides the package {name} of qmcjax, which is in {root}: rename that "
+                "file, or, if it is in the current folder, run qmcjax ... instead of python -m figures ..."
             )
 
 
 def main() -> int:
     """Run the command line, ``python -m figures``, whatever the files in the current folder are called."""
     os.environ[SAFE] = "1"  # For the processes that it starts.
-    try:
-        check()
-    except ImportError as error:
-        sys.exit(f"qmcjax: {error}")
+    check()
     return importlib.import_module("figures.__main__").until_nobody_reads()

@@ -220,7 +220,7 @@ def integrate(
     else:
         replicates = checks.integer("replicates", replicates, 2, 2**16)
         keys = jax.random.split(checks.prng_key("key", key), replicates)
-        copies = [_randomised(sequence, each, kind) for each in keys]
+        copies = [randomised(sequence, each, kind) for each in keys]
     sizes, level = [n], 0.95
     if tolerance is not None:
         sizes, level = doublings(tolerance, n, replicates, kind)
@@ -273,7 +273,8 @@ def integrate(
         return made
 
 
-def _randomised(sequence: Sequence, key: Array, kind: str) -> Sequence:
+def randomised(sequence: Sequence, key: Array, kind: str = "student") -> Sequence:
+    """Return a copy of a sequence that is independent of those of other keys."""
     if kind == "median":
         try:
             return linear_matrix_scramble(sequence, key)  # pyright: ignore[reportArgumentType]

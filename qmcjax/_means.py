@@ -26,7 +26,7 @@ _PARTS = 64
 """Parts of many points, distributed over devices."""
 
 _SEARCHED = 2**16
-"""Points searched at a time for the first non-finite value."""
+"""Points searched at a time for the first value that is not finite, or another than all before."""
 
 
 @frozen_pytree
@@ -228,7 +228,7 @@ def _searched(
 ) -> Iterator[tuple[int, Any, Any]]:
     """Yield points and the columns of their values, block by block, with the index of each first one."""
     for first in range(start, start + n, _SEARCHED):
-        found = some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how)
+        found = some_values(function, sequence, jnp.uint32(first), min(n, _SEARCHED), *how)
         yield first, *(np.asarray(each)[: start + n - first] for each in found)
 
 

@@ -1,0 +1,163 @@
+"""Indicators of rare and common events: intervals that hold the probability, or say that they are not sure."""
+
+import warnings
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+from qmcjax import integrate, sequences
+from qmcjax.core.pytrees import frozen_pytree
+
+DIMS = 4
+LEVEL = 0.95
+PROBABILITIES = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.5)
+"""Complements are tried as well."""
+
+LIMITS = (0.0, 1.0)
+LEAST = 1e-5
+"""Tolerances are a fifth of the probability of the event or its complement, and not less than this."""
+
+_OFFSET = np.modf(np.sqrt([2.0, 3.0, 5.0, 7.0]))[0]
+"""Moves events off the grids of the points."""
+
+
+def _corner(dims: int) -> Callable[[Array, Array], Array]:
+    return lambda points, p: jnp.all(points[:, :dims] < p ** (1 / dims), axis=1)
+
+
+def _centred(points: Array) -> Array:
+    return jnp.mod(points + jnp.asarray(_OFFSET, points.dtype)[None], 1) - 0.5
+
+
+EVENTS: dict[str, Callable[[Array, Array], Array]] = {
+    "1-D, end": lambda points, p: points[:, 0] < p,
+    "1-D, inside": lambda points, p: abs(_centred(points)[:, 0]) < p / 2,
+    "2-D corner": _corner(2),
+    "2-D disc": lambda points, p: jnp.sum(_centred(points)[:, :2] ** 2, axis=1) < p / np.pi,
+    "2-D diagonal": lambda points, p: abs(jnp.mod(points[:, 0] - points[:, 1], 1) - 0.5) < p / 2,
+    "3-D corner": _corner(3),
+    "4-D corner": _corner(4),
+    "4-D cube": lambda points, p: jnp.all(abs(_centred(points)) < p**0.25 / 2, axis=1),
+}
+"""Sets of points with the probability p."""
+
+
+@frozen_pytree
+class Event:
+    """Whether points are in an event; all have the same program."""
+
+    which: Array
+    """int32: number of the event."""
+    p: Array
+    inside: Array
+    """Whether it is the event, or its complement."""
+
+    def __call__(self, points: Array) -> Array:
+        """Return bools, shape (rows,)."""
+        return jax.lax.switch(self.which, list(EVENTS.values()), points, self.p) == self.inside
+
+
+class Held(NamedTuple):
+    """Of the trials of each event, probability, and itself or its complement: parts, shape (events, p, 2)."""
+
+    n: int
+    replicates: int
+    limits: bool
+    trials: int
+    held: NDArray[np.float64]
+    """By intervals."""
+    unsure: NDArray[np.float64]
+    """Missed by intervals that say that they are not sure."""
+    alone: NDArray[np.float64]
+    """By Student's interval of the means alone."""
+
+
+def _together(points: Array) -> Array:
+    """Return whether points are in each event, shape (rows, events, probabilities, 2)."""
+    hits = [[event(points, jnp.asarray(p, points.dtype)) for p in PROBABILITIES] for event in EVENTS.values()]
+    made = jnp.moveaxis(jnp.asarray(hits), -1, 0)
+    return jnp.stack([made, ~made], axis=-1)
+
+
+def _exact() -> NDArray[np.float64]:
+    p = np.array(PROBABILITIES)
+    return np.stack([p, 1 - p], axis=-1)[None]
+
+
+def cell(n: int, replicates: int, limits: bool, trials: int) -> Held:
+    """Return parts of trials, each of which has a key of its own."""
+    counts = np.zeros((3, len(EVENTS), len(PROBABILITIES), 2))
+    quantile = stdtrit(replicates - 1, (1 + LEVEL) / 2)
+    for key in jax.random.split(jax.random.key(n + replicates + 2**25 * limits), trials):
+        found = integrate(
+            _together,
+            sequences.sobol(DIMS),
+            n,
+            replicates=replicates,
+            key=key,
+            limits=LIMITS if limits else None,
+        )
+        held = _holds(found.interval, LEVEL)
+        sure = limits | (found.standard_error > 0)
+        off = abs(found.means.mean(axis=0) - _exact())
+        error = found.means.std(axis=0, ddof=1) / np.sqrt(replicates)
+        counts += held, ~held & ~sure, off <= quantile * error + found.rounding
+    return Held(n, replicates, limits, trials, *counts / trials)
+
+
+def _holds(interval: Callable[[float], tuple[Any, Any]], level: float, exact: Any = None) -> Any:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # "all values are equal" is counted
+        low, high = interval(level)
+    exact = _exact() if exact is None else exact
+    return (low <= exact) & (exact <= high)
+
+
+class Stopped(NamedTuple):
+    """What came back with a tolerance, for each event, probability, itself or its complement, and key."""
+
+    limits: bool
+    reached: NDArray[np.bool_]
+    within: NDArray[np.bool_]
+    """Whether the middle of the interval is within the tolerance of the probability."""
+    n: NDArray[np.int64]
+
+
+def stopped(
+    keys: Iterable[int], most: int, limits: bool, which: tuple[int, ...], replicates: int = 8
+) -> Stopped:
+    """Integrate all events of some probabilities, by their numbers, to their tolerances."""
+    shape = len(EVENTS), len(which), 2, len(list(keys))
+    made = np.empty((3, *shape))
+    for place in np.ndindex(shape):
+        event, j, inside, key = place
+        p = PROBABILITIES[which[j]]
+        tolerance = max(p / 5, LEAST)
+        function = Event(jnp.int32(event), jnp.float32(p), jnp.asarray(bool(inside)))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # "not reached" is counted
+            found = integrate(
+                function,
+                sequences.sobol(DIMS),
+                most,
+                replicates=replicates,
+                key=list(keys)[key],
+                tolerance=tolerance,
+                limits=LIMITS if limits else None,
+            )
+            low, high = found.interval(found.level)
+        off = abs((low + high) / 2 - (p if inside else 1 - p))
+        made[(slice(None), *place)] = found.reached, off <= tolerance, found.n
+    reached, within, n = made
+    return Stopped(limits, reached > 0, within > 0, n.astype(int))
+
+
+def expected(of: Held) -> NDArray[np.float64]:
+    """Return the expected numbers of values that are not the common one, in all replicates."""
+    return of.n * of.replicates * np.minimum(_exact(), 1 - _exact()) + np.zeros((len(EVENTS), 1, 1))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from qmcjax._integrate import randomised
 from qmcjax.core import checks
 from qmcjax.sequences import Sequence, as_sequence, tabulated
 
@@ -77,6 +78,10 @@ class SequenceEngine(qmc.QMCEngine):
         How scipy changes the points of each block.
     rng : optional
         For "random-cd", as in scipy; the sequence has no use for it.
+    seed : int, numpy.random.Generator or RandomState, optional
+        Randomises the sequence anew, as a replicate of :func:`qmcjax.integrate`, and takes the place of
+        ``rng``: ``scipy.integrate.qmc_quad`` makes its independent estimates so, all but the first, which is
+        of the engine that it was given. Give one with a seed.
 
     Raises
     ------
@@ -96,15 +101,22 @@ class SequenceEngine(qmc.QMCEngine):
      [0.25 0.75]]
     """
 
-    def __init__(self, sequence: Any, *, optimization: str | None = None, rng: Any = None) -> None:
-        self.sequence = as_sequence("sequence", sequence)
+    def __init__(
+        self, sequence: Any, *, optimization: str | None = None, rng: Any = None, seed: Any = None
+    ) -> None:
+        sequence = as_sequence("sequence", sequence)
         if optimization is not None and not isinstance(optimization, str):
             raise TypeError(f"optimization must be None or a string, got {checks.shown(optimization)}")
+        name, given = ("rng", rng) if seed is None else ("seed", seed)
         try:
-            generator = np.random.default_rng(rng)
+            generator = np.random.default_rng(given)
         except (TypeError, ValueError) as error:
-            raise type(error)(f"rng must be one of NumPy, or a seed, got {checks.shown(rng)}") from None
-        super().__init__(d=self.sequence.dims, optimization=optimization, rng=generator)  # pyright: ignore
+            raise type(error)(f"{name} must be one of NumPy, or a seed, got {checks.shown(given)}") from None
+        super().__init__(d=sequence.dims, optimization=optimization, rng=generator)  # pyright: ignore
+        self._init_quad = {"sequence": sequence, "optimization": optimization}  # scipy adds a seed to it.
+        self.sequence = sequence
+        if seed is not None:
+            self.sequence = randomised(sequence, checks.prng_key("seed", int.from_bytes(self.rng.bytes(4))))
 
     def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
         self.num_generated = int(self.num_generated)  # scipy adds whatever integers it was given.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tables
 from refusals import refused
+from scipy.integrate import qmc_quad
 from scipy.stats import qmc
 
 import analysis
@@ -157,3 +158,20 @@ def test_scipy_takes_our_engine():
     assert np.allclose(normal.mean(axis=0), [1, -2], atol=0.02)
     assert np.allclose(np.cov(normal.T), [[2, 0.5], [0.5, 1]], atol=0.05)
     assert analysis.SequenceEngine is SequenceEngine and analysis.read_points is bridges.read_points
+
+
+@pytest.mark.parametrize(
+    "sequence", [sequences.sobol(2), *tables.slow(sequences.halton(2), sequences.lattice(2))]
+)
+def test_qmc_quad_takes_an_engine(sequence):
+    """Its estimates are independent: errors of exp(x + y) are as its standard errors say, over seeds."""
+    exact, ratios = np.expm1(1) * np.expm1(2), []
+    for seed in range(12):
+        engine = SequenceEngine(sequence, seed=seed)
+        found = qmc_quad(lambda x: np.exp(x.sum(axis=0)), [0, 0], [1, 2], n_points=64, qrng=engine)
+        assert 1e-6 < found.standard_error < 0.02 * exact
+        ratios.append((found.integral - exact) / found.standard_error)
+    # Of Student's t with 7 degrees of freedom, of variance 7 / 5 and fourth moment 9.8.
+    assert abs(np.mean(np.square(ratios)) - 7 / 5) < 5 * np.sqrt((9.8 - 1.96) / 12)
+    again = [SequenceEngine(sequence, seed=3).random(4) for _ in range(2)]
+    np.testing.assert_array_equal(*again)

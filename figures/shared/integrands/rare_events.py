@@ -1,4 +1,4 @@
-"""Indicators of rare and common events: intervals that hold the probability, or say that they are not sure."""
+"""Indicators of rare and common events: do intervals hold the probability, or say they are not sure."""
 
 import warnings
 from collections.abc import Callable, Iterable

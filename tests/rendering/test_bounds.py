@@ -1,0 +1,125 @@
+"""Integrals over boxes, against scipy and closed forms, and their derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from refusals import refused
+from scipy.integrate import nquad, quad
+from tables import few, slow
+
+import qmcjax as qj
+from qmcjax import sequences
+
+INF = np.inf
+BOXES = {
+    "a side": (lambda x, xp: xp.exp(x[0]), [(-2, 0.5)]),
+    "negative sides": (lambda x, xp: x[0] * x[1] ** 2, [(-3, -2), (1, 4)]),
+    "a half-line": (lambda x, xp: xp.exp(-x[0]) * x[0], [(1, INF)]),
+    "the other half-line": (lambda x, xp: xp.exp(x[0]), [(-INF, 2)]),
+    "a line": (lambda x, xp: 1 / (1 + x[0] ** 2), (-INF, INF)),
+    "a slow line": (lambda x, xp: xp.exp(-abs(x[0] - 1) / 2), (-INF, INF)),
+    "all at once": (
+        lambda x, xp: x[1] * xp.exp(-(x[0] ** 2) - x[2]),
+        [(-INF, INF), (0, 3), (0, INF)],
+    ),
+}
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, *slow(jnp.float64)])
+@pytest.mark.parametrize("name", few(BOXES, "negative sides", "all at once"))
+def test_integrals_are_those_of_scipy(name, dtype):
+    function, bounds = BOXES[name]
+    sides = [bounds] if isinstance(bounds, tuple) else bounds
+    if len(sides) == 1:
+        exact = quad(lambda x: function([x], np), *sides[0])[0]
+    else:
+        exact = nquad(lambda *x: function(x, np), sides)[0]
+    how = {"bounds": bounds, "dtype": dtype}
+    sequence = sequences.sobol(len(sides))
+    found = qj.integrate(lambda x: function(x.T, jnp), sequence, 2**12, replicates=8, key=1, **how)
+    low, high = found.interval(1 - 5e-7)
+    assert low < exact < high and high - low < 0.05 * abs(exact)
+    alone = qj.integrate(lambda x: function(x.T, jnp), sequence, 2**12, **how)
+    assert abs(alone - exact) < 0.02 * abs(exact)  # the first point, 0 in all coordinates, included
+
+
+def test_one_pair_is_for_all_dimensions():
+    """The volume of a ball in 3-D, of bools; and their tree with complex numbers, in their types."""
+
+    def values(x):
+        inside = jnp.sum(x * x, axis=1) < 4
+        return {"ball": inside, "wave": jax.lax.complex(inside.astype(jnp.float32), x[:, 0] + 1)}
+
+    found = qj.integrate(values, sequences.sobol(3), 2**14, bounds=(-2, 2))
+    assert abs(found["ball"] - 4 / 3 * np.pi * 8) < 0.1
+    assert found["wave"].dtype == jnp.complex64 and found["wave"].real == found["ball"]
+    assert abs(found["wave"].imag - 64) < 0.1
+
+
+def test_bounds_have_derivatives_and_compile_nothing():
+    """By an end it is the value there, Leibniz; of a box in 2-D also the integral along the side."""
+    traces = []
+
+    def square(x):
+        traces.append(1)
+        return x[:, 0] ** 2 * x[:, 1]
+
+    def integral(high, low):
+        bounds = jnp.stack([jnp.stack([low, high]), jnp.float32([0, 2])])
+        return qj.integrate(square, sequences.sobol(2), 4096, bounds=bounds)
+
+    slopes = jax.grad(integral, argnums=(0, 1))(jnp.float32(3), jnp.float32(1))
+    np.testing.assert_allclose(slopes, (9 * 2, -1 * 2), rtol=2e-3)
+    known = [qj.integrate(square, sequences.sobol(2), 4096, bounds=(0, 1))]
+    counted = len(traces)
+    known.append(qj.integrate(square, sequences.sobol(2), 4096, bounds=(0, 2)))
+    assert len(traces) <= counted + 1 and float(known[1] / known[0]) == pytest.approx(32, rel=1e-5)
+
+
+def test_limits_are_of_the_function():
+    """Not of its product with the volume, 6."""
+    how = {"replicates": 64, "key": 1, "interval": "betting", "limits": (0, 1)}
+    low, high = qj.integrate(
+        lambda x: x[:, 0] < 1, sequences.sobol(2), 16, bounds=[(0, 2), (1, 4)], **how
+    ).interval()
+    assert 0 < low < 3 < high < 6
+
+
+def integral(bounds, function=lambda x: x[:, 0], dims=2, **more):
+    return qj.integrate(function, sequences.sobol(dims), 16, bounds=bounds, **more)
+
+
+test_bad_bounds_are_named = refused(
+    (ValueError, lambda: integral((1, 1)), r"bounds must have low < high, got \(1.0, 1.0\) in dimension 0"),
+    (ValueError, lambda: integral([(0, 1), (2, 1)]), r"low < high, got \(2.0, 1.0\) in dimension 1"),
+    (ValueError, lambda: integral((0, np.nan)), r"low < high, got \(0.0, nan\)"),
+    (ValueError, lambda: integral((INF, INF)), r"low < high, got \(inf, inf\)"),
+    (
+        ValueError,
+        lambda: integral([(0, 1)] * 3),
+        r"bounds must be \(low, high\), or such a pair for each of 2 dimensions, got shape \(3, 2\)",
+    ),
+    (TypeError, lambda: integral("ab"), "bounds must be made of real numbers, got 'ab'"),
+    (
+        ValueError,
+        lambda: integral((0, 1e39)),
+        "bounds must have ends and a volume that float32 can tell apart",
+    ),
+    (ValueError, lambda: integral((1, 1 + 1e-12)), "that float32 can tell apart, got"),
+    (
+        ValueError,
+        lambda: integral((0, INF), replicates=4, key=1, limits=(0, 1)),
+        "limits must be None for bounds of an infinite or unknown volume",
+    ),
+    (
+        ValueError,
+        lambda: jax.grad(lambda low: integral((low, INF)))(1.0),
+        "bounds must be known or finite",
+    ),
+    (
+        ValueError,
+        lambda: integral((0, 2), lambda x: 1 / (x[:, 0] - 1), 1),
+        r"NaN or infinity at point 1, \(1.0\)",
+    ),
+)

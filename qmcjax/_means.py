@@ -1,6 +1,5 @@
 """Programs of the mean of a function over points: blocks of points, pairwise and compensated sums."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -189,8 +188,9 @@ def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
-    for first, points, values in _searched(function, sequence, start, n, *how):
-        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    for first in range(start, start + n, _SEARCHED):
+        points, values = map(np.asarray, some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how))
+        bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
         if bad.size:
             inner = function.function if isinstance(function, _Converted) else function
             if isinstance(inner, Bounded):
@@ -215,21 +215,33 @@ def range_seen(
     one, off = np.asarray(some)[0], np.abs(np.asarray(means) - np.asarray(some)[:1]).max(axis=0)
     low, high = one.copy(), one + np.asarray(spread)
     varied = off > 4 * np.finfo(np.float64).eps * np.abs(one)
+    size = min(n, _SEARCHED)
     for copy in copies:
-        for _, _, values in _searched(function, copy, start, n, *how):
+        for first in range(start, start + n, size):
             if not (varied & (low == high)).any():
                 return high - low
-            low, high = np.minimum(low, values.min(axis=0)), np.maximum(high, values.max(axis=0))
+            count = np.uint32(min(size, start + n - first))
+            least, most = _least_and_most(function, copy, jnp.uint32(first), count, size, *how)
+            low, high = np.minimum(low, least), np.maximum(high, most)
     return high - low
 
 
-def _searched(
-    function: Any, sequence: Sequence, start: int, n: int, *how: Any
-) -> Iterator[tuple[int, Any, Any]]:
-    """Yield points and the columns of their values, block by block, with the index of each first one."""
-    for first in range(start, start + n, _SEARCHED):
-        found = some_values(function, sequence, jnp.uint32(first), min(n, _SEARCHED), *how)
-        yield first, *(np.asarray(each)[: start + n - first] for each in found)
+@jit("size", "dtype", "replicated", "wide")
+def _least_and_most(
+    function: Any,
+    sequence: Sequence,
+    first: Array,
+    count: Array,
+    size: int,
+    dtype: np.dtype,
+    replicated: bool,
+    wide: bool,
+) -> tuple[Array, Array]:
+    """Return the least and the largest of the values of ``count`` points, at most ``size``."""
+    _, values = some_values(function, sequence, first, size, dtype, replicated, wide)
+    there = (jax.lax.iota(jnp.uint32, size) < count)[:, None]
+    least, most = jnp.where(there, values, jnp.inf), jnp.where(there, values, -jnp.inf)
+    return least.min(axis=0), most.max(axis=0)
 
 
 @jit("count", "dtype", "replicated", "wide")

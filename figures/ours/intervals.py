@@ -8,7 +8,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import bdtr, bdtrc, ndtr
 
-from figures.shared.integrands import coverage, distinctions, hundred_integrands, interval_kinds
+from figures.shared.integrands import (
+    coverage,
+    distinctions,
+    hundred_integrands,
+    interval_kinds,
+    rare_events,
+)
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""
@@ -31,66 +37,100 @@ STYLES = {"Holm": "-", "bootstrap": ":"}
 KINDS = {"student": "C0", "median": "C1", "quantile": "C2", "betting": "C3", interval_kinds.BERNSTEIN: "0.5"}
 MARKS = {"few": "o", "many": "s"}
 
+RARE = {
+    "draft": ((2**4, 2**10), (4, 8), 2**15, 30, ((0, 4), 2**13, 1)),
+    "paper": ((2**4, 2**8, 2**12, 2**16, 2**20), (4, 8, 32), 2**26, 200, ((0, 2, 4, 6), 2**18, 10)),
+}
+"""Rare events: points, replicates, points of all trials of a cell, and trials at most; with a tolerance:
+numbers of probabilities, the most points, and keys."""
+
+FEWEST_TRIALS = 10
+TITLE = "Intervals hold what they promise, or say that they are not sure"
+
 NOTE = (
-    "Top left: intervals of qmcjax.integrate with replicates, in {cells} cells: {integrands} integrands "
-    "and a skewed one, in 1 to 8 dimensions, {sequences}, {sizes} points, {replicates} replicates, up "
-    f"to {{trials}} trials a cell; bars of {SIGMAS:g} standard deviations of a binomial, for all cells "
-    "of an integrand. Where rounding or resolution widens an interval, it may hold the integral more "
-    "often than it says: {one_sided} cells are tested on one side. {below} of {tests} tests (cells "
-    f"and levels) lie below their level by more than {SIGMAS:g} sigma, by the binomial itself, {{above}} "
-    f'above; "{coverage.SKEWED}" is not tested: its errors are skewed, and the docstring of integrate says '
-    "so. Top middle: share of trials that call any two of several identical samplers different, which "
-    "should be 5 % at most; dotted, ranks by the bootstrap of earlier versions of analysis.compare. "
-    "Top right: share of the pairs of 6 samplers that are distinguished, each with that many times "
-    "the error of the one before; normal errors of 5 %. "
-    f"Below: {hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in "
-    "1 to 8 dimensions, Sobol', {tried} keys; few are {few[0]} replicates of {few[1]} points, many "
-    "{many[0]} of {many[1]}. Width: geometric means relative to Student's interval with few replicates, over "
-    "integrands and keys. The median narrows the interval with linear scrambling, which is the kind median; "
-    "with Owen's nested scrambling, the kind quantile, its interval is {nested:.2f} times as wide as "
-    "Student's, for smooth integrands. Medians of many replicates miss the integral if their "
-    "distribution is skewed. Intervals by betting hold it whatever the distribution, and are that wide: "
-    "empirical Bernstein intervals of the same replicates are {bernstein:.2f} times as wide, {least:.2f} to "
-    "{most:.2f}. With a tolerance: part of the last intervals that hold the integral, of {stops} results "
-    "with up to {points} points in each of 8 replicates; {reached:.0%} reached the tolerance."
+    "(a) Indicators of {events} sets in 1 to 4 dimensions and their complements, probabilities of 1e-6 to"
+    " .5, Sobol', {rare_sizes} points, {rare_replicates} replicates, up to {rare_trials} trials a cell, "
+    "95 % intervals. Lines are means over all that expect about the same number of hits, shades reach "
+    "down to the worst of them. {wrong} of {rare_tests} cases are below 95 % by more than {sigmas:g} "
+    "sigma. To a tolerance of a fifth of the probability, at least 1e-5: of {rare_stops} results "
+    "{rare_reached:.0%} reached it, and {rare_missed:.1%} of these are off by more. (b) Intervals with "
+    "replicates, in {cells} cells: {integrands} integrands and a skewed one, in 1 to 8 dimensions, "
+    "{sequences}, {sizes} points, {replicates} replicates, up to {trials} trials a cell; bars of "
+    "{sigmas:g} standard deviations of a binomial, for all cells of an integrand. Where rounding or "
+    "resolution widens an interval, it may hold the integral more often than it says: {one_sided} cells "
+    "are tested on one side. {below} of {tests} tests (cells and levels) lie below their level by more "
+    'than {sigmas:g} sigma, by the binomial itself, {above} above; "{skewed}" is not tested: its errors '
+    "are skewed, and the docstring of integrate says so. (c, d) {count} integrands with values in [0, 1] "
+    "and exact integrals, in 1 to 8 dimensions, Sobol', {tried} keys; few are {few[0]} replicates of "
+    "{few[1]} points, many {many[0]} of {many[1]}. Width: geometric means relative to Student's interval "
+    "with few replicates, over integrands and keys. The median narrows the interval with linear "
+    "scrambling, which is the kind median; with Owen's nested scrambling, the kind quantile, its interval"
+    " is {nested:.2f} times as wide as Student's, for smooth integrands. Medians of many replicates miss "
+    "the integral if their distribution is skewed. Intervals by betting hold it whatever the "
+    "distribution, and are that wide: empirical Bernstein intervals of the same replicates are "
+    "{bernstein:.2f} times as wide, {least:.2f} to {most:.2f}. (e) With a tolerance: part of the last "
+    "intervals that hold the integral, of {stops} results with up to {points} points in each of 8 "
+    "replicates; {reached:.0%} reached the tolerance. (f) Share of trials that call any two of 2 to 12 "
+    "identical samplers different, the most over their number, which should be 5 % at most; dotted, ranks"
+    " by the bootstrap of earlier versions of analysis.compare. (g) Share of the pairs of 6 samplers that"
+    " are distinguished, each with that many times the error of the one before; normal errors of 5 %."
 )
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure coverage and distinctions, and draw both."""
     cells = coverage.measured(quality == "paper")
-    progress(0.4)
+    progress(0.3)
     rows = distinctions.measure(TRIALS[quality])
     sizes, tried = SIZES[quality], TRIED[quality]
-    kinds = interval_kinds.measured(sizes, range(tried), lambda part: progress(0.4 + 0.3 * part))
+    kinds = interval_kinds.measured(sizes, range(tried), lambda part: progress(0.3 + 0.2 * part))
     asked, keys, points, every = STOPPED[quality]
     width = kinds["student", "few"].width.mean(axis=0)
     # With other keys than those of the tolerances.
     keys = range(tried, tried + keys)
     stops = {kind: interval_kinds.stopped(kind, width, keys, points, every) for kind in asked}
-    figure = Figure(figsize=(13, 10), layout="constrained")
-    figure.suptitle("How often intervals contain the integral, and how often samplers are distinguished")
-    (left, middle, right), lower = figure.subplots(2, 3, width_ratios=(1.3, 1, 1))
-    _coverages(left, cells)
-    _distinguished(middle, [row for row in rows if row["ratio"] == 1])
-    _power(right, [row for row in rows if row["ratio"] != 1])
+    progress(0.7)
+    rare, rare_stops = _rare(quality)
+    figure = Figure(figsize=(7, 10.5), layout="constrained")
+    figure.suptitle(TITLE, fontsize=10)
+    grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
+    places = ((0, slice(None)), *np.ndindex(4, 2))
+    axes = [figure.add_subplot(grid[place]) for place in places if place[0] or place[1] == slice(None)]
+    wrong = _rare_events(axes[0], rare)
+    _coverages(axes[1], cells)
     held, widths = _of_kinds(kinds)
-    _kinds(lower[0], held, interval_kinds.LEVEL)
-    lower[0].set_title("100 integrands: intervals of 95 %")
-    lower[0].set_xlabel("part of the intervals that contain the integral")
-    _kinds(lower[1], widths, 1)
-    lower[1].set(title="their width", xlabel="width / Student's width, few replicates", xscale="log")
-    marked = dict(zip(*lower[0].get_legend_handles_labels()[::-1], strict=True))
-    lower[0].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.6, -0.12), ncols=3)
+    _kinds(axes[2], held, interval_kinds.LEVEL)
+    axes[2].set_title("(c) 100 integrands: 95 % intervals")
+    axes[2].set_xlabel("part of intervals that hold the integral")
+    _kinds(axes[3], widths, 1)
+    axes[3].set(title="(d) their width", xlabel="width / Student's width, few replicates", xscale="log")
+    marked = dict(zip(*axes[2].get_legend_handles_labels()[::-1], strict=True))
+    axes[2].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
     last = {(kind, "few"): interval_kinds.by_class(stop.held, stop.of_class) for kind, stop in stops.items()}
-    _kinds(lower[2], last, interval_kinds.LEVEL)
-    lower[2].set(title="to a tolerance", xlabel="part that contain the integral")
+    _kinds(axes[4], last, interval_kinds.LEVEL)
+    axes[4].set(title="(e) to a tolerance", xlabel="part that hold the integral")
+    _distinguished(axes[5], [row for row in rows if row["ratio"] == 1])
+    _power(axes[6], [row for row in rows if row["ratio"] != 1])
     ratio = kinds[interval_kinds.BERNSTEIN, "many"].width / kinds["betting", "many"].width
     bernstein = float(np.exp(np.log(ratio).mean()))
     results = sum(stop.held.size for stop in stops.values())
     tested = _tested(cells)
+    at_stop = [stop.reached for stop in rare_stops], [stop.reached & ~stop.within for stop in rare_stops]
+    stopped, missed = (np.concatenate([each.ravel() for each in of]) for of in at_stop)
     note = NOTE.format(
         **tested,
+        events=len(rare_events.EVENTS),
+        rare_sizes=_listed({of.n for of in rare}),
+        rare_replicates=_listed({of.replicates for of in rare}),
+        rare_trials=max(of.trials for of in rare),
+        rare_tests=sum(of.held.size for of in rare),
+        wrong=wrong,
+        rare_stops=stopped.size,
+        rare_reached=stopped.mean(),
+        rare_missed=missed.sum() / stopped.sum(),
+        sigmas=SIGMAS,
+        skewed=coverage.SKEWED,
+        count=hundred_integrands.COUNT,
         cells=len(cells),
         integrands=len(coverage.INTEGRANDS) - 1,
         sequences=_listed({cell.sequence for cell in cells}),
@@ -109,6 +149,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     return figure, {
         "measured": {
+            "rare events": _worst(rare)
+            | {
+                "reached": {_bounded(of.limits): float(of.reached.mean()) for of in rare_stops},
+                "reached, and not within the tolerance": {
+                    _bounded(of.limits): float((of.reached & ~of.within).mean()) for of in rare_stops
+                },
+            },
             "coverage": tested
             | {f"{level:.0%}": _share(cells, k) for k, level in enumerate(coverage.LEVELS)},
             "hundred integrands: held": {", ".join(case): of for case, of in held.items()},
@@ -131,6 +178,69 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "table": rows,
         "note": note,
     }
+
+
+def _rare(quality: str) -> tuple[list[rare_events.Held], list[rare_events.Stopped]]:
+    """Return the cells of rare events, and results to a tolerance, with and without limits."""
+    sizes, replicates, points, trials, (which, most, keys) = RARE[quality]
+    cells = [
+        rare_events.cell(n, count, limits, max(FEWEST_TRIALS, min(trials, points // (n * count))))
+        for n in sizes
+        for count in replicates
+        for limits in (False, True)
+    ]
+    return cells, [rare_events.stopped(range(keys), most, limits, which) for limits in (False, True)]
+
+
+def _bounded(limits: bool) -> str:
+    return "with limits" if limits else "without limits"
+
+
+def _worst(rare: list[rare_events.Held]) -> dict[str, dict[str, float]]:
+    """Return the least coverage by limits, replicates and points, and that of Student's intervals alone."""
+    return {
+        f"{_bounded(of.limits)}, {of.replicates} x {of.n}": {
+            "trials": of.trials,
+            "least held or not sure": float((of.held + of.unsure).min()),
+            "least held by Student's alone": float(of.alone.min()),
+            "most not sure": float(of.unsure.max()),
+        }
+        for of in rare
+    }
+
+
+def _rare_events(axes: Axes, rare: list[rare_events.Held]) -> int:
+    """Draw parts over the expected number of hits; return in how many cases they are too low."""
+    wrong = 0
+    for of in rare:
+        wrong += int(
+            (
+                bdtr(np.rint((of.held + of.unsure) * of.trials), of.trials, rare_events.LEVEL) < ndtr(-SIGMAS)
+            ).sum()
+        )
+    lines: dict[str, tuple[bool, Callable[[rare_events.Held], Any], str]] = {
+        "with limits: hold": (True, lambda of: of.held, "C2-"),
+        "without: hold, or say they are not sure": (False, lambda of: of.held + of.unsure, "C0-"),
+        "without: hold": (False, lambda of: of.held, "C0--"),
+        "Student's of the means alone: hold": (False, lambda of: of.alone, "C1:"),
+    }
+    for name, (limits, part, style) in lines.items():
+        of = [each for each in rare if each.limits == limits]
+        hits = np.concatenate([rare_events.expected(each).ravel() for each in of])
+        parts = np.concatenate([part(each).ravel() for each in of])
+        bins = np.round(2 * np.log10(hits)) / 2
+        at = np.unique(bins)
+        means = [parts[bins == each].mean() for each in at]
+        axes.plot(10**at, means, style, lw=1.5, label=name)
+        if style.endswith("-") and not style.endswith("--"):
+            worst = [parts[bins == each].min() for each in at]
+            axes.fill_between(10**at, worst, means, color=style[:2], alpha=0.15, lw=0)
+    axes.axhline(rare_events.LEVEL, color="0.6", lw=0.8, zorder=0)
+    axes.set(xscale="log", ylim=(-0.02, 1.04), title="(a) rare events: 95 % intervals of indicators")
+    axes.set_xlabel("expected number of hits (or of misses, if these are fewer) in all replicates")
+    axes.set_ylabel("part of intervals")
+    axes.legend(loc="lower right")
+    return wrong
 
 
 def _listed(values: set[Any]) -> str:
@@ -173,9 +283,9 @@ def _coverages(axes: Axes, cells: list[coverage.Cell]) -> None:
                     axes.errorbar(_share(of, k), y, xerr=bar, fmt="o", ms=3, lw=1, color=color, label=label)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set(title="intervals of 90, 95 and 99 %", xlabel="part of the intervals that contain the integral")
+    axes.set(title="(b) 90, 95 and 99 % intervals", xlabel="part of intervals that hold the integral")
     axes.set_xlim(0.8, 1.02)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
 
 
 Means = dict[interval_kinds.Case, dict[str, float]]
@@ -216,13 +326,13 @@ def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
             axes.plot(distinctions.KEYS, most, f"o{style}", ms=4, color=f"C{color}", label=label)
     axes.axhline(0.05, color="black", lw=0.8)
     axes.set(
-        title="2 to 12 identical samplers",
-        xlabel="keys",
-        ylabel="largest part of trials with a false distinction",
+        title="(f) 2 to 12 identical samplers",
+        xlabel="number of keys",
+        ylabel="part of trials that distinguish",
     )
     axes.set_xscale("log", base=2)
     axes.set_xticks(distinctions.KEYS, [str(keys) for keys in distinctions.KEYS])
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.3)  # with room for the legend
     axes.legend(title="errors; dotted: bootstrap")
 
 
@@ -234,7 +344,7 @@ def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
             label = f"{keys} keys" if rule == "Holm" else None
             ratios, parts = zip(*((row["ratio"], row[rule]) for row in of), strict=True)
             axes.plot(ratios, parts, f"o{style}", ms=4, color=f"C{color}", label=label)
-    axes.set(xlabel="ratio of the errors of neighbours", ylabel="part of the pairs distinguished")
-    axes.set_title("6 different samplers")
+    axes.set(xlabel="ratio of the errors of neighbours", ylabel="part of pairs distinguished")
+    axes.set_title("(g) 6 different samplers")
     axes.set_ylim(-0.02, 1.02)
     axes.legend(title="dotted: bootstrap")

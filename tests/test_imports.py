@@ -1,6 +1,7 @@
-"""What one package takes of another: public names only. Layers and circles are import-linter's matter."""
+"""Packages take public names only, of each other and of JAX. import-linter sees to layers and circles."""
 
 import ast
+import re
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,20 @@ def private_attributes(sources):
     return {f"{name}: {attribute}" for attribute, name in read.items() if attribute not in defined}
 
 
+def undocumented(source):
+    """Return what a module takes from JAX that has no place in its documentation."""
+    nodes = list(ast.walk(ast.parse(source)))
+    parts = {id(node.value) for node in nodes if isinstance(node, ast.Attribute)}
+    names = [ast.unparse(node) for node in nodes if isinstance(node, ast.Attribute) and id(node) not in parts]
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            names += [f"{node.module}.{alias.name}" for alias in node.names]
+    private = re.compile(r"jax\.(interpreters|_src|extend|core(?!\.Tracer\b))\b")
+    return {name for name in names if private.match(name) and "(" not in name}
+
+
 def sources(room):
     files = [*(ROOT / room).glob("*.py"), *(ROOT / room).glob("_*/*.py")]
     return {str(path): path.read_text(encoding="utf-8") for path in sorted(files)}
@@ -68,3 +83,31 @@ def test_no_package_takes_private_names_of_another(room):
     found = {name: private_imports(source, room.replace("/", ".")) for name, source in sources(room).items()}
     assert not {name: names for name, names in found.items() if names}
     assert not private_attributes(sources(room))
+
+
+def test_undocumented_names_are_seen():
+    source = """
+import jax.core, jax.extend as ex
+from jax import core, Array
+from jax.core import Tracer, Jaxpr
+def f(x):
+    from jax._src import config
+    return isinstance(x, jax.core.Tracer) or jax.extend.core.Literal(x).val or jax.interpreters
+"""
+    found = {"jax.core", "jax.extend", "jax.core.Jaxpr", "jax._src.config", "jax.interpreters"}
+    assert undocumented(source) == found | {"jax.extend.core.Literal"}
+
+
+def test_what_jax_does_not_document_is_in_one_module():
+    """And in the reader of jaxprs, which has no other way to know what they are made of."""
+    found = {}
+    for top in ("qmcjax", "analysis", "figures"):
+        for path in (ROOT / top).rglob("*.py"):
+            source = path.read_text(encoding="utf-8")
+            if names := re.search(r"(?<!qmc)jax\b.*(interpreters|_src|extend|core)", source) and undocumented(
+                source
+            ):
+                found[path.relative_to(ROOT).as_posix()] = names
+    reader = [found.pop(name) for name in list(found) if name.startswith("qmcjax/bridges/_source/")]
+    assert all(name.startswith("jax.extend.") for names in reader for name in names)
+    assert list(found) == ["qmcjax/core/jax_internals.py"]

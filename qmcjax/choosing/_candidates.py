@@ -178,10 +178,7 @@ PROGRESSIVE: dict[str, Candidate] = {
         lambda dims, width, height, spp, key: samplers.independent(sequences.pmj02(spp, key), key),
         most_dims=2,
     ),
-    **{
-        name: CANDIDATES[name]
-        for name in ("ranked keys", "dither mask", "Z, hash", "optimised orders", "Hilbert, Owen-Sobol'")
-    },
+    **{name: CANDIDATES[name] for name in ("ranked keys", "dither mask", "Z, hash", "optimised orders")},
     "progressive orders": Candidate(
         lambda dims, width, height, spp, key: samplers.progressive(width, height, key, dims)
     ),
@@ -192,4 +189,7 @@ PROGRESSIVE: dict[str, Candidate] = {
         powers_of_two=True,
     ),
 }
-"""Samplers for images that are shown while they are rendered."""
+"""Samplers for images that are shown while they are rendered.
+
+Blocks along a curve are none: the first samples of all pixels share an interval of 1 / spp.
+"""

@@ -108,7 +108,8 @@ def recommend(
         of each new frame. Make the sampler of each with ``sampler(width, height, key, frame)``.
     progressive : bool
         For an image that is shown while it is rendered: minimise the geometric mean of the errors of its
-        first 1, 2, 4, ... of ``spp`` samples. Not with ``frames``.
+        first 1, 2, 4, ... of ``spp`` samples, of samplers whose first samples are on both sides of each
+        coordinate in every image. Not with ``frames``.
     size : (int, int), optional
         Width and height of the image: only errors of images like it count, of squares with a power of 2 as
         side, or of others. By default both kinds count.

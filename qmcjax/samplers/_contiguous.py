@@ -85,6 +85,10 @@ def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Conti
     ``larcher_pillichshammer``, ``van_der_corput``, ``halton`` without permutation, and ``lattice``;
     ``components`` and ``rotate`` of these; in base 2 also ``digital_shift``, ``owen`` and ``owen_exact``.
 
+    Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``owen``,
+    ``digital_shift`` or ``rotate``. Within one image, the first samples of all pixels may share an interval
+    of length 1 / spp of a coordinate: images of fewer samples are then one-sided, but not over keys.
+
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.

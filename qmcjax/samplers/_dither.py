@@ -91,6 +91,8 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     A single sample has the spectrum of the mask where the integrand is nearly linear. With more samples, the
     errors are periodic functions of the shift that vary faster, and their spectrum approaches white noise.
 
+    Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``rotate``.
+
     References
     ----------
     .. [1] I. Georgiev, M. Fajardo, "Blue-noise Dithered Sampling", SIGGRAPH Talks, 2016.

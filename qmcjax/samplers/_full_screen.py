@@ -76,6 +76,9 @@ def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScre
     The pixel of a point is a function of its leading digits, which a digital shift flips: this is undone
     before inverting the net. For the Halton sequence, column and row give the index modulo 2**a and 3**b.
 
+    Each sample of a pixel is uniform over keys after a digital shift and for randomly permuted digits; with
+    ``jittered`` only all samples of a pixel together, since each has its own cell. Others have no key.
+
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4 and 5.2.5.

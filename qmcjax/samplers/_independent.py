@@ -65,6 +65,10 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
         Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The sum
         is exact in base 2; for any other sequence it is rounded once from float64, never to 1.
 
+    Notes
+    -----
+    Each sample of each pixel is uniform over keys, also the first one.
+
     References
     ----------
     .. [1] A. G. M. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error

@@ -88,6 +88,10 @@ def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler 
     tile : int, side of a tile in pixels, at least 1
     positions : Sampler, optional, coordinates 0 and 1; at least two dimensions
 
+    Notes
+    -----
+    Each sample of a pixel is uniform over keys if each point of the sequence, and of ``positions``, is.
+
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.1.2 and 3.1.3.

@@ -140,8 +140,9 @@ def optimized(
 
     The samples of every aligned square of ``2**k`` pixels per side are an aligned block of ``2**m`` points of
     the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel one of ``2**j``. So they are
-    (t, m, s)-nets of its t: 0 in two dimensions, 1 with Niederreiter-Xing's sequence. The mean of a pixel is
-    unbiased over the keys, also that of its first samples.
+    (t, m, s)-nets of its t: 0 in two dimensions, 1 with Niederreiter-Xing's sequence. Each sample of each
+    pixel is uniform over keys, also the first one. In each image, the first samples of all pixels are spread
+    over each coordinate, for any spp.
 
     In up to two dimensions, each square of a tile of 64 x 64 pixels has a permutation of its own. From three
     on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the pixel, so the

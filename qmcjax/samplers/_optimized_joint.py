@@ -25,6 +25,9 @@ _TIMES = (2, 0, 1, 3)
 
 _PIXEL_BITS = 16
 
+_NUMBERS = 12
+"""Most digits of the numbers of samples that come first in their pixels, beyond the tables."""
+
 _LINES_FROM = 4096
 """Number of pixels from which tables of columns and rows pay off."""
 
@@ -50,20 +53,39 @@ def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32
     return indices, frames
 
 
-def index_bits(tables: Mapping[int, NDArray[np.int64]], digits: int) -> NDArray[np.uint32]:
+def index_bits(
+    tables: Mapping[int, NDArray[np.int64]], digits: int, matrices: NDArray[np.uint32]
+) -> NDArray[np.uint32]:
     """Return the index in the sequence that each bit of a Morton-ordered index stands for: uint32 (32,).
 
     Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32. ``tables``:
     indices of the bits of Morton codes, by binary logarithms of numbers of samples. ``digits``: this
-    logarithm.
+    logarithm. ``matrices``: those of the sequence.
     """
     known = min(digits, max(tables))
-    words = tables[known] >> known << digits if known < digits else tables[digits]
+    words = tables[known]
+    if known < digits:
+        words = _longer(words, known, digits, matrices)
     # The word of a bit has no higher bits than those of its level.
     used = min(len(words), (32 - digits) // 2 * 2)
     found = np.uint32(1) << np.arange(32, dtype=np.uint32)
     found[digits : digits + used] = words[:used]
     return found
+
+
+def _longer(
+    words: NDArray[np.int64], known: int, digits: int, matrices: NDArray[np.uint32]
+) -> NDArray[np.int64]:
+    """Return words for more samples, with first samples nearest to those of the searched words."""
+
+    def points(index: NDArray[np.int64]) -> NDArray[np.uint32]:
+        bits = index[:, None, None] >> np.arange(32) & 1
+        return np.bitwise_xor.reduce(np.where(bits, matrices, 0), axis=-1)
+
+    numbers = np.arange(2 ** min(digits, _NUMBERS))
+    longer = words >> known << digits
+    apart = points(words)[:, None] ^ points(longer)[:, None] ^ points(numbers)
+    return longer | np.argmin(apart.max(axis=-1), axis=-1)
 
 
 def _reordered(sequence: Digital, bits: NDArray[np.uint32]) -> Digital:
@@ -105,11 +127,17 @@ def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving
     order, digits = orders.morton(width, height), spp.bit_length() - 1
     # Coordinates of Niederreiter and Xing's are not nets of t = 0, as windows of pixels and frames need.
     if dims <= SMALL_DIMS and order.length * spp <= 2**32 and not moving:
-        sequence, tables = niederreiter_xing(dims), _tables(SMALL_DIMS)
+        sequence, searched, tables = (
+            niederreiter_xing(dims),
+            niederreiter_xing(SMALL_DIMS),
+            _tables(SMALL_DIMS),
+        )
+    elif moving and dims <= SMALL_DIMS:
+        sequence, searched, tables = sobol(dims), sobol(SMALL_DIMS), _moving()[0]
     else:
-        sequence = sobol(dims)
-        tables = _moving()[0] if moving and dims <= SMALL_DIMS else _tables(2 * SMALL_DIMS)
-    scrambled: Any = owen(_reordered(sequence, index_bits(tables, digits)), key)
+        sequence, searched, tables = sobol(dims), sobol(2 * SMALL_DIMS), _tables(2 * SMALL_DIMS)
+    bits = index_bits(tables, digits, np.asarray(searched.matrices))
+    scrambled: Any = owen(_reordered(sequence, bits), key)
     return Joint(order, _in_time(scrambled, digits) if moving else scrambled, spp)
 
 

@@ -99,6 +99,8 @@ def padded_replications(
     For points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter may carry: then
     it wraps around inside the pixel.
 
+    Each sample of a pixel is uniform over keys if ``offsets`` is a key, with jitter.
+
     References
     ----------
     .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5, "Progressive Integration by Padded

@@ -120,6 +120,8 @@ def partitioned(
     Neighbours on the curve have points far apart in the sequence in the exact form, where the component
     differs by 1/N, and consecutive points in the simplified form.
 
+    Each sample of a pixel is uniform over keys if each point of the sequence is, as for :func:`contiguous`.
+
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.4.

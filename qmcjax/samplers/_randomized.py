@@ -67,7 +67,7 @@ def randomized(
     Passes are independent and have the same distribution. If each point of a pass is uniformly distributed,
     the mean over all samples is unbiased, and so is the estimate of its variance from several passes, see
     :func:`qmcjax.render_passes`. The price is uniformity across passes: the error of p passes decreases as
-    p**-0.5.
+    p**-0.5. Each sample is as uniform over keys as that of one pass.
 
     Parameters
     ----------

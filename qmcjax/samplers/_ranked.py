@@ -88,7 +88,8 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     samples of the pixels of a tile are the first 4096 points of the Sobol' sequence, in their leading 12
     digits, and that each further sample number has the 4096 points of 16 digitally shifted blocks of 256. So,
     over all translations, the expectation of each sample of each pixel is the mean of a function over such
-    points, and means over a tile have small errors, whatever the number of samples.
+    points, and means over a tile have small errors, whatever the number of samples. Each sample of a pixel,
+    also the first one, is uniform over keys up to the cells of these points, not exactly.
 
     The arrangement was searched for small errors after a Gaussian low-pass filter of standard deviation 1.5
     pixels, in mean squares over 1024 random half-spaces as integrands and over prefixes of 1, 2, 4, 8 and 16

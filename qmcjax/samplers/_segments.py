@@ -108,6 +108,8 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     The paper does not specify which rate doubles. Here it is the sampling rate of the image, not that of the
     iteration, so segments start at multiples of their length and rates are powers of two.
 
+    Each sample of a pixel is uniform over keys if each point of the sequence is, as for :func:`contiguous`.
+
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.3.

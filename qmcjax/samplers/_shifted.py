@@ -58,6 +58,10 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
         wrap; otherwise they are rounded once from float64, and never to 1. Indices of pixels and of samples
         are separate: each pixel of any image has up to 2**32 samples.
 
+    Notes
+    -----
+    Each sample of a pixel is uniform over keys if each point of one of the sequences is, as after ``rotate``.
+
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 4.1.

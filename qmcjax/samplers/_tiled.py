@@ -13,15 +13,19 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.orders import morton
 from qmcjax.samplers._base import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
-"""First of the seeds of translations (of columns, rows, frames), of turns, of jitter and of shuffles."""
+"""First of the seeds of translations (of columns, rows, frames), of turns, of jitter and of boxes."""
 
 _SEEDS = 8
 
 MAX_SPP = 2**16
+
+_PASCAL = ((2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
+"""Pascal's triangle modulo 2 on pairs of bits, in steps: any i rows in sequence are independent."""
 
 
 @frozen_pytree
@@ -51,20 +55,36 @@ class Tiled(OfDims):
         return replace(self, frame=checks.frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return pixels and hashes of them for jitter."""
-        return x, y, hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
+        """Return pixels, hashes of them for jitter, and the boxes of their first samples."""
+        hashed = hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
+        return x, y, hashed, self._first_box(x, y) if self._boxes > 1 else None
+
+    @property
+    def _boxes(self) -> int:
+        return self.spp // self.tile.shape[3]
+
+    def _first_box(self, x: Array, y: Array) -> Array:
+        """Return a number uniform over the seeds, and all numbers in each square of as many pixels.
+
+        The same holds for the digits of the number from an even place on, which the first samples leave, and
+        for each pixel over frames.
+        """
+        number = morton(checks.MAX_SIDE, checks.MAX_SIDE).unchecked_position(x ^ y, y) ^ self.frame
+        for shift, mask in _PASCAL:
+            number = number ^ ((number & np.uint32(mask)) << shift)
+        return (number ^ self.seeds[_SHUFFLE, 0]) & np.uint32(self._boxes - 1)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        size = self.tile.shape[-1]
+        size, first = self.tile.shape[-1], state[3]
+        sample = sample if first is None else sample ^ first
         copies = {copy: self._moved(state, sample, copy) for copy in {j // size for j in dims}}
         words = [self._word(state, sample, j, *copies[j // size]) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
     def _moved(self, state: Any, sample: Array, copy: int) -> tuple[Array, tuple[Array, ...]]:
         """Return the number of the box, and the place in the tile, of one copy of its dimensions."""
-        x, y, hashed = state
-        of_tile = self.tile.shape[3]
-        boxes = self.spp // of_tile
+        x, y, hashed, _ = state
+        boxes = self._boxes
         box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
         if copy and boxes > 1:
             # Anew in each frame: boxes of two copies meet in all ways as time goes on.
@@ -100,7 +120,7 @@ class Tiled(OfDims):
             axis,
         )
         # The boxes halve the dimensions in turn.
-        count = (self.spp // self.tile.shape[3]).bit_length() - 1
+        count = self._boxes.bit_length() - 1
         for k in reversed(range(inside, count, size)):
             word = (word >> 1) | (((box >> np.uint32(k)) & np.uint32(1)) << 31)
         return word
@@ -127,7 +147,7 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     spp : int, optional
         Number of samples of a pixel, a power of two up to 65536, by default the tile's. More are in equal
         boxes of the unit cube, halved along one dimension after another, with a tile each; the first samples
-        are one in each box.
+        are one in each box, in an order of boxes that the key, the pixel and the frame choose.
 
     Returns
     -------
@@ -140,9 +160,13 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     same distance from the square's centre, the larger one of both coordinates', move along their outline by
     the same part of its length. So neighbours remain neighbours, and no seam is drawn through the square. The
     area within the outline of a point is jittered in one of equal strata, to which the points of each number
-    of a sample are moved first. Hence **each sample of each pixel is uniform over keys**, to 32 bits: its
-    stratum since the tile moves, its area in the stratum by the jitter, and its place on the outline since it
-    turns. With d = 4 two areas have equal strata together.
+    of a sample are moved first. Hence **each sample of each pixel is uniform over keys**, to 32 bits, also
+    the first one: its box since the key chooses it, its stratum since the tile moves, its area in the stratum
+    by the jitter, and its place on the outline since it turns. With d = 4 two areas have equal strata
+    together. Coordinates from d on are independent of others as far as hashes are.
+
+    Boxes are chosen so that fewer samples have small filtered errors, too: the first samples of any aligned
+    square of as many pixels as there are boxes, or in as many frames of a pixel, are one in each box.
 
     Examples
     --------
@@ -215,7 +239,8 @@ def designed(
     :func:`analysis.design_samples` makes them. In four dimensions half planes of the pairs of coordinates
     (0, 1) and (2, 3), and steps along each coordinate, take part: scenes often depend on few of them. There
     is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed unless
-    the tile is progressive. The figure ``designed-samplers`` has measured errors.
+    the tile is progressive. Each sample of each pixel is uniform over keys, also the first one. The figure
+    ``designed-samplers`` has measured errors.
 
     The design takes neighbours to have the same integrand, and points are not stratified along the axes. In
     scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with nets in

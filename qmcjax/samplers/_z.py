@@ -91,7 +91,8 @@ def z(
     by a factor of up to 1 + pixels / 4096. "multiplicative" may be as bad.
 
     Only the orders are random: over the keys, the mean of a pixel is that of the points of all pixels, not
-    the integral. With a randomised joint ``sequence`` it is the integral.
+    the integral. Each sample, also the first one, is uniform up to the cells of these points. With a
+    randomised joint ``sequence`` it is uniform, and the mean is the integral.
 
     References
     ----------

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, pairs_are_uniform, slow, slow_cases
+from tables import first, pairs_are_uniform, points_of, slow, slow_cases
 
 import analysis
 from figures.ours import space_time
@@ -34,11 +34,22 @@ def scrambled(dims, key=KEY):
     return sequences.owen(SEQUENCES[4 if dims < 5 else 8](dims), key)
 
 
+def longer(words, known, spp, sequence):
+    """Return words for more samples: of the first 4096 in a pixel, those nearest to the searched points."""
+    points, found = np.asarray(sequence.bits(first(min(spp, 4096)))), []
+    for word in words:
+        high = word // known * spp
+        searched, moved = np.asarray(sequence.bits(np.array([word, high], np.uint32)))
+        found.append(high + int((points ^ moved ^ searched).max(axis=1).argmin()))
+    return found
+
+
 def indices(dims, spp, x, y):
     """Return the index of the first sample of pixels, bit by bit."""
     words = rows()[4 if dims < 5 else 8, min(spp, 64)]
     if spp > 64:
-        words = [word // 64 * spp for word in words]
+        table = 4 if dims < 5 else 8
+        words = longer(words, 64, spp, SEQUENCES[table](table))
     found = np.zeros(x.shape, np.int64)
     for k in range(8):
         found ^= np.where(x >> k & 1, words[2 * k], 0) ^ np.where(y >> k & 1, words[2 * k + 1], 0)
@@ -81,6 +92,18 @@ def test_points_are_those_of_the_sequence_at_mapped_indices(dims, spp):
     assert np.array_equal(sampler(x, y, sample, every[1:3]), scrambled(dims)(index)[:, 1:3])
 
 
+@pytest.mark.parametrize(
+    ("dims", "spp", "frames"), [(4, 128, None), *slow_cases((4, 4096, None), (8, 128, None), (4, 16, 9))]
+)
+def test_first_samples_of_all_pixels_are_spread_over_each_coordinate(dims, spp, frames):
+    """A quarter of them in each quarter, exactly; at 128 samples they once shared a half of the last one."""
+    y, x = np.mgrid[:64, :64].astype(np.uint32)
+    sampler = samplers.optimized(64, 64, spp, KEY, dims, frames)
+    points = np.asarray(points_of(sampler, x, y, np.zeros_like(x), tuple(range(dims))))
+    for quarters in (points.reshape(-1, dims) * 4).astype(int).T:
+        assert (np.bincount(quarters, minlength=4) == 1024).all()
+
+
 def moving_rows():
     """Return the words of pixels and the columns of frames of animations, by number of samples."""
     text = (resources.files("qmcjax.samplers") / "_data" / "optimized_moving.txt").read_text()
@@ -116,7 +139,7 @@ def test_frames_are_those_of_the_searched_matrices(dims, spp):
     x, y, sample = (rng.integers(0, n, 20) for n in (64, 64, spp))
     index = sample.copy()
     if spp > 4:
-        words = [word // 4 * spp for word in words]
+        words = longer(words, 4, spp, sobol)
     for k in range(6):
         index ^= np.where(x >> k & 1, words[2 * k], 0) ^ np.where(y >> k & 1, words[2 * k + 1], 0)
     for t in (0, 1, 6, 77, 1000):
@@ -187,7 +210,7 @@ def test_more_points_than_a_word_has_are_those_of_sobol_s_sequence():
     """2**36 of them: only the finest level has digits below 32."""
     spp = 2**30
     sampler = samplers.optimized(8, 8, spp, KEY, 3)
-    words = [word // 64 * spp for word in rows()[8, 64][:2]]
+    words = longer(rows()[8, 64][:2], 64, spp, sequences.sobol(8))
     sobol = sequences.owen(sequences.sobol(3), KEY)
     for x, y, sample in ((1, 0, 5), (7, 6, 2**29 + 3), (2, 5, 77)):
         low = np.uint32((words[0] if x & 1 else 0) ^ (words[1] if y & 1 else 0) ^ sample)

@@ -94,10 +94,20 @@ def test_a_pixel_splits_into_two_nets_in_one_way(log_count):
 
 @pytest.mark.slow
 def test_further_groups_of_coordinates_keep_prefixes():
-    """They have other orders of the samples, but the first 2**k of a square remain a net, as for k = 4."""
+    """Each pixel has its own order of the samples, which keeps their first 2**k and its aligned blocks.
+
+    So the first samples of a square are nets as in the first group. Later ones of several pixels are not.
+    """
     sampler = samplers.progressive(64, 64, key=5, dims=8)
+    for log_side, log_count in ((0, 4), (1, 3), (2, 2), (2, 4), (3, 0), (4, 0)):
+        words = block(sampler, (16, 32), log_side, 0, log_count)
+        bound = 1 if log_count > 1 and log_side % 2 == 0 else 3
+        assert analysis.t_value(words[:, :4]) <= bound and analysis.t_value(words[:, 4:]) <= bound
+    for start in (20, 400, 3 << 12):
+        assert analysis.t_value(block(sampler, (16, 32), 0, start, 2)[:, 4:]) <= 1
+        words = block(sampler, (16, 32), 2, start, 2)
+        assert analysis.t_value(words[:, :4]) <= 1 and analysis.t_value(words[:, 4:]) > 3
     words = block(sampler, (16, 32), 2, 0, 4)
-    assert analysis.t_value(words[:, :4]) <= 1 and analysis.t_value(words[:, 4:]) <= 1
     ranks = np.argsort(np.argsort(words.reshape(16, 16, 8), axis=1), axis=1)
     assert np.any(ranks[..., 0] != ranks[..., 4])
     single = samplers.progressive(64, 64, key=5, dims=7)

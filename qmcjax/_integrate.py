@@ -20,7 +20,7 @@ from qmcjax._estimate import (
     limits_of_integral,
 )
 from qmcjax._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
-from qmcjax.core import checks, devices
+from qmcjax.core import checks, devices, draws
 from qmcjax.core.bounds import bounded
 from qmcjax.core.pytrees import is_traced
 from qmcjax.sequences import (
@@ -243,7 +243,7 @@ def integrate(
         copies = [sequence]
     else:
         replicates = checks.integer("replicates", replicates, 2, 2**16)
-        keys = jax.random.split(checks.prng_key("key", key), replicates)
+        keys = draws.split(checks.prng_key("key", key), replicates)
         copies = [randomised(sequence, each, kind) for each in keys]
     sizes, level = [n], 0.95
     if tolerance is not None:

@@ -341,6 +341,14 @@ SAMPLERS = Table(
 )
 
 
+def known(value):
+    """Return the classes of a value and the bits of its arrays."""
+    leaves = jax.tree.leaves(value, is_leaf=lambda leaf: leaf is None)
+    keys = [jnp.issubdtype(getattr(leaf, "dtype", None), jax.dtypes.prng_key) for leaf in leaves]
+    leaves = [jax.random.key_data(leaf) if key else leaf for leaf, key in zip(leaves, keys, strict=True)]
+    return str(jax.tree.structure(value)), [np.asarray(leaf).tobytes() for leaf in leaves]
+
+
 def first(n: int) -> np.ndarray:
     """Return the first n indices."""
     return np.arange(n, dtype=np.uint32)

@@ -13,7 +13,7 @@ from jax.example_libraries import optimizers
 from jax.flatten_util import ravel_pytree
 from numpy.typing import NDArray
 
-from qmcjax.core import checkpoints
+from qmcjax.core import checkpoints, draws
 
 TOGETHER = 20
 """Steps of a chunk, one program call."""
@@ -56,7 +56,7 @@ def descend(
         at = step.astype(flat.dtype)
         found, gradient = jax.value_and_grad(lambda free: loss(shaped(free), step))(parameters_of(state))
         moved, *moments = jax.tree.leaves(update(at, gradient, state))
-        random = jax.random.normal(jax.random.fold_in(key, step), flat.shape, flat.dtype)
+        random = draws.normal(jax.random.fold_in(key, step), flat.shape, flat.dtype)
         moved = moved + noise * rate_at(at) * jnp.maximum(0, 1 - 2 * at / steps) * random
         inside, _ = ravel_pytree(project(shaped(moved)))
         return jax.tree.unflatten(jax.tree.structure(state), [inside, *moments]), found

@@ -18,7 +18,7 @@ from analysis._design.expected_error import Integrand, Kernel, classes_of, mean_
 from analysis._design.filters import Filter, autocorrelation
 from analysis._design.integrand_classes import IntegrandClass
 from qmcjax import samplers, sequences
-from qmcjax.core import checkpoints, checks
+from qmcjax.core import checkpoints, checks, draws
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.samplers.turned_tiles import from_outlines, stratified, to_outlines
 
@@ -152,7 +152,7 @@ def design_samples(
 
         def square(points: Array, step: Array) -> Array:
             width = _WIDE * (_NARROW / _WIDE) ** (step / (chunks * TOGETHER)).astype(points.dtype)
-            keys = jax.random.split(jax.random.fold_in(key, -1 - step), len(known))
+            keys = draws.split(jax.random.fold_in(key, -1 - step), len(known))
             soft = [images.blurred(one, at, width) for one, at in zip(known, keys, strict=True)]
             return images.mean_square(points, soft, weights)
 
@@ -180,7 +180,7 @@ def design_samples(
         saved = checkpoints.begin(checkpoint, key=key, shape=np.array(shape), steps=chunks, **made_of)
     free, squares = descend(
         loss,
-        _of_class(shape, key) if of_scenes else jax.random.uniform(key, shape, jnp.float32),
+        _of_class(shape, key) if of_scenes else draws.uniform(key, shape, jnp.float32),
         key,
         chunks,
         _RATE,

@@ -12,7 +12,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax import estimated_reference, sequences
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.scenes import as_scene
 
 _NODES = 2**20
@@ -113,7 +113,7 @@ def blurred(image: Rendered, key: Array, width: Array) -> Rendered:
     """
 
     def moves(points: Array) -> Array:
-        return width * jax.random.normal(key, (_DRAWS, *points.shape), points.dtype)
+        return width * draws.normal(key, (_DRAWS, *points.shape), points.dtype)
 
     @jax.custom_vjp
     def values(points: Array) -> Array:

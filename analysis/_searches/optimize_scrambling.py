@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from analysis._searches.optimize import check_scalar
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 
 Floats = NDArray[np.float64]
 
@@ -114,7 +114,7 @@ def optimize_scrambling(
     n, dims = given.shape
     form = relaxed(given)
     with jax.enable_x64(True):
-        start = np.asarray(jax.random.normal(key, (dims, n - 1), np.float64)) / 2
+        start = np.asarray(draws.normal(key, (dims, n - 1), np.float64)) / 2
     check_scalar(measure, given.shape)
     search = _Search(form, measure)
     unmoved = np.ones((dims, n - 1))

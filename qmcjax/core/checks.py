@@ -190,9 +190,12 @@ def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
 
 
 def prng_key(name: str, value: Any) -> Array:
-    """Return a typed JAX key: ``value`` itself, or one made of an integer or of the words of a legacy key."""
-    if isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and value.ndim == 0:
-        return value
+    """Return a typed key of threefry, made of another key or an integer, whatever the user's flags are.
+
+    A key of "rbg" consists of two keys of threefry, which JAX makes, splits and folds in like others. The
+    first is used: the bits of "rbg" depend on the device and on ``vmap``, and ``jax.random.key(7)`` gives the
+    same bits where the user has made "rbg" the default.
+    """
     try:
         if (
             isinstance(value, np.ndarray | Array)
@@ -200,13 +203,22 @@ def prng_key(name: str, value: Any) -> Array:
             and value.shape in ((2,), (4,))
         ):
             # As jax.random.PRNGKey makes it; only the default generator can have four words.
-            return jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
-        number = integer(name, value, 0, INDEX_LIMIT - 1)
+            given = jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
+        elif isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and not value.ndim:
+            given = value
+        else:
+            words = np.array([0, integer(name, value, 0, INDEX_LIMIT - 1)], np.uint32)
+            return jax.random.wrap_key_data(words, impl=PRNG)
     except TypeError:
         raise TypeError(
             f"{name} must be one jax.random.key(...) or an integer in [0, 2**32), got {shown(value)}"
         ) from None
-    return jax.random.key(number, impl=PRNG)
+    generator = str(jax.random.key_impl(given))
+    if generator == PRNG:
+        return given
+    if generator not in ("rbg", "unsafe_rbg"):
+        raise ValueError(f"{name} must be a key of {PRNG!r} or 'rbg', got one of {generator!r}")
+    return jax.random.wrap_key_data(jax.random.key_data(given)[:2], impl=PRNG)
 
 
 def floating(dtype: Any) -> np.dtype:

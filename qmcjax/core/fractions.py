@@ -9,7 +9,7 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import below_one
 
 
@@ -43,7 +43,7 @@ def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     """Return :func:`fractions` of a shape, or random ones from a key or an integer."""
     typed = isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
     if typed or isinstance(value, int | np.integer):
-        return jax.random.bits(checks.prng_key(name, value), shape, jnp.uint32)
+        return draws.bits(checks.prng_key(name, value), shape, jnp.uint32)
     return fractions(name, value, shape)
 
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core import draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._hierarchy import ScrambledMorton, permutation_number
@@ -18,7 +19,7 @@ GOLDEN = np.uint32(0x9E3779B9)
 @jax.jit
 def with_random_words(first: Array, keys: Array) -> Array:
     """Return a word followed by one random word per key: uint32 (len(keys) + 1,)."""
-    return jnp.concatenate([first[None], jax.vmap(lambda key: jax.random.bits(key, (), jnp.uint32))(keys)])
+    return jnp.concatenate([first[None], jax.vmap(lambda key: draws.bits(key, (), jnp.uint32))(keys)])
 
 
 @frozen_pytree

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import thue_morse
+from qmcjax.core import draws, thue_morse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
 
@@ -75,18 +75,18 @@ def _permutations_of(keys: Array, letters: int) -> Array:
 @partial(jax.jit, static_argnums=1)
 def _shifts_of(keys: Array, letters: int) -> Array:
     """Draw a letter by each key."""
-    words = jax.vmap(lambda key: jax.random.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
+    words = jax.vmap(lambda key: draws.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
     return scaled(words, letters)
 
 
 def random_permutations(letters: int, key: Array) -> Array:
     """Draw one of the 24 permutations for each letter."""
-    return scaled(jax.random.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
+    return scaled(draws.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
 
 
 def random_production(letters: int, key: Array) -> Array:
     """Draw the letter of each child of each letter."""
-    return scaled(jax.random.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
+    return scaled(draws.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
 
 
 def art_production() -> Array:

@@ -1,11 +1,10 @@
 """Morton order of pixels and frames, plain or scrambled."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._frames import FrameOrder, animation_size
@@ -115,5 +114,5 @@ def morton3(width: int, height: int, frames: int, key: Array | int | None = None
     3 [1, 0, 1]
     """
     size = animation_size(width, height, frames)
-    seed = None if key is None else jax.random.bits(checks.prng_key("key", key), (), jnp.uint32)
+    seed = None if key is None else draws.bits(checks.prng_key("key", key), (), jnp.uint32)
     return Morton3(*size, seed)

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, tables
+from qmcjax.core import checks, draws, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hashed import Hashed
@@ -42,7 +42,7 @@ class OptimizedOrder(SquareOrder):
         OptimizedOrder
             This order, and ``count - 1`` others. Eight in sequence have different symmetries.
         """
-        others = jax.random.bits(key, (count - 1, 4), jnp.uint32)
+        others = draws.bits(key, (count - 1, 4), jnp.uint32)
         return replace(self, words=jnp.concatenate([self.words[None], others]))
 
     def member(self, number: int) -> "OptimizedOrder":
@@ -178,6 +178,6 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
     """
     width, height = checks.image_size(width, height)
     spp = checks.power_of_two("spp", spp, MAX_COUNT)
-    words = jax.random.bits(checks.prng_key("key", key), (4,), jnp.uint32)
+    words = draws.bits(checks.prng_key("key", key), (4,), jnp.uint32)
     positions = _positions(min(spp.bit_length(), len(_permutations())) - 1)
     return OptimizedOrder(width, height, jnp.asarray(positions), words)

@@ -1,10 +1,9 @@
 """The variants of the scrambled Morton order."""
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.orders._hashed import Hashed, Multiplicative
 from qmcjax.orders._hierarchy import ScrambledMorton
 from qmcjax.orders._lookup_tree import (
@@ -69,11 +68,11 @@ def scrambled_morton(
         raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
     random = checks.prng_key("key", key)
     if variant == "hash":
-        return Hashed(width, height, jax.random.bits(random, (), jnp.uint32))
+        return Hashed(width, height, draws.bits(random, (), jnp.uint32))
     if variant == "multiplicative":
-        dim = jnp.uint32(key) if isinstance(key, int) else jax.random.bits(random, (), jnp.uint32)
+        dim = jnp.uint32(key) if isinstance(key, int) else draws.bits(random, (), jnp.uint32)
         return Multiplicative(width, height, dim)
-    of_production, of_permutations = jax.random.split(random)
+    of_production, of_permutations = draws.split(random)
     if variant == "art":
         production = art_production()
         return LookupTree(width, height, production, random_permutations(len(production), of_permutations))

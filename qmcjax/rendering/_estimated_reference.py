@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -15,7 +14,7 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import samplers, sequences
-from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core import checkpoints, checks, devices, draws
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering._render import rendered
 from qmcjax.rendering._task import check_progress, opened, task
@@ -88,7 +87,7 @@ def estimated_reference(
     if spp % REPLICATES:
         raise ValueError(f"spp must be a multiple of the {REPLICATES} replicates, got {spp}")
     sobol = sequences.sobol(len(scene.needs))
-    keys = jax.random.split(checks.prng_key("key", key), REPLICATES)
+    keys = draws.split(checks.prng_key("key", key), REPLICATES)
     dtype = checks.floating(dtype)
     tasks = [
         task(scene, samplers.independent(sobol, each), width, height, spp // REPLICATES, dtype)

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import owen_hash, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences import BinarySequence, InTime, in_time
@@ -50,5 +50,5 @@ def of_key(frames: int, sequence: BinarySequence, key: Array | int | None, count
     seeds = jnp.zeros((count - 1,), jnp.uint32)
     if key is not None:
         random = jax.random.fold_in(checks.prng_key("key", key), _STREAM)
-        seeds = jax.random.bits(random, seeds.shape, jnp.uint32)
+        seeds = draws.bits(random, seeds.shape, jnp.uint32)
     return at_frame(Frames(seeds, jnp.zeros((count,), jnp.uint32)), 0)

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from dataclasses import field
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
@@ -91,5 +90,5 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
             f"sequence must be in base 2 (one that has .bits) for randomize={randomize!r}, "
             f"got {checks.shown(sequence)}"
         )
-    seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
     return Independent(sequence, seeds, _RANDOMIZERS[randomize])

@@ -4,7 +4,6 @@ from dataclasses import field, replace
 from functools import cache
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -12,7 +11,7 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import orders
-from qmcjax.core import checks, tables
+from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import ForImage, OfDims
@@ -173,14 +172,14 @@ def optimized(
         checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
     if dims > 2:
         return joint(width, height, spp, key, dims, moving=frames is not None)
-    of_order, _, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
+    of_order, _, of_seeds = draws.split(checks.prng_key("key", key), 3)
     return Optimized(
         dims,
         width,
         height,
         orders.optimized(width, height, spp, of_order),
         jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
-        jax.random.bits(of_seeds, (1, 3), jnp.uint32)[0],
+        draws.bits(of_seeds, (1, 3), jnp.uint32)[0],
         spp,
         None if frames is None else checks.frame(0),
     )

@@ -2,13 +2,12 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax import orders
-from qmcjax.core import checks, tables
+from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import ForImage, OfDims
@@ -119,13 +118,13 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     """
     width, height = checks.image_size(width, height)
     dims = checks.integer("dims", dims, 1, MAX_DIMS)
-    of_order, of_orders, of_seeds = jax.random.split(checks.prng_key("key", key), 3)
+    of_order, of_orders, of_seeds = draws.split(checks.prng_key("key", key), 3)
     size = 2 if dims <= 2 else 4
     groups = -(-dims // size)
     names = (f"{name}_{size}" for name in ("positions", "samples", "pixels"))
     positions, of_samples, of_positions = tables.arrays("samplers", "progressive.npz", *names)
     order = orders.OptimizedOrder(
-        width, height, jnp.asarray(positions), jax.random.bits(of_order, (4,), jnp.uint32)
+        width, height, jnp.asarray(positions), draws.bits(of_order, (4,), jnp.uint32)
     )
     return Progressive(
         dims,
@@ -134,5 +133,5 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
         order.family(of_orders, groups),
         sobol(2) if size == 2 else digital(of_samples),
         digital(of_positions),
-        jax.random.bits(of_seeds, (groups, size + 1), jnp.uint32),
+        draws.bits(of_seeds, (groups, size + 1), jnp.uint32),
     )

@@ -3,13 +3,12 @@
 from dataclasses import replace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, tables
+from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
@@ -114,5 +113,5 @@ def ranked(dims: int, key: Array | int) -> Ranked:
         Owen(sobol(dims), jnp.asarray(seeds[:dims])),
         jnp.asarray(ranks, jnp.uint32),
         jnp.asarray(scrambles, jnp.uint32) << 16,
-        jax.random.bits(checks.prng_key("key", key), (2,), jnp.uint32),
+        draws.bits(checks.prng_key("key", key), (2,), jnp.uint32),
     )

@@ -3,14 +3,13 @@
 from dataclasses import field, replace
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, tables
+from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import morton
@@ -128,7 +127,7 @@ class Tiled(OfDims):
 
 def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
     """Return the sampler of a tile."""
-    seeds = jax.random.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
     return Tiled(dims, jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), spp)
 
 

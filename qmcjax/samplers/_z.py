@@ -1,9 +1,8 @@
 """The Z-sampler: contiguous blocks of a sequence along hierarchically scrambled Morton orders."""
 
-import jax
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
 from qmcjax.samplers._frames import of_key
 from qmcjax.samplers._z_blocks import Z
@@ -149,6 +148,6 @@ def _orders(
         if alphabet is not None:
             raise ValueError(f"alphabet must be given for variant='tree' only, got {alphabet!r}")
         return None
-    of_first, of_others = jax.random.split(checks.prng_key("key", key))
+    of_first, of_others = draws.split(checks.prng_key("key", key))
     order = scrambled_morton(width, height, of_first, variant, alphabet)
-    return order.family(jax.random.split(of_others, count - 1))
+    return order.family(draws.split(of_others, count - 1))

@@ -1,12 +1,20 @@
-"""Keys of sequences, orders and samplers: arguments of programs like other arrays."""
+"""Keys: arguments of programs like other arrays, with the same bits whatever the user's flags are."""
+
+import contextlib
+import re
+from functools import cache
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, pixels, some
+from tables import first, known, pixels, some
 
+import analysis
+import qmcjax
 from qmcjax import orders, samplers, sequences
+from qmcjax.core import draws
 from qmcjax.core.checks import prng_key
 from qmcjax.sequences._scrambling.art_owen import with_tables
 
@@ -23,6 +31,15 @@ BASE_2 = {
 }
 BASE_3 = {"owen": sequences.owen, "owen_exact": sequences.owen_exact, "digit": sequences.digit_scramble}
 NET = sequences.permutation_net(8)
+POINTS_OF_TILE = np.random.default_rng(1).random((8, 4, 2, 2, 2))
+
+
+def triangular(key):
+    """Return random lower unit-triangular matrices."""
+    unit = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
+    return draws.bits(prng_key("key", key), (2, 32), jnp.uint32) & (unit - np.uint32(1))[None] | unit[None]
+
+
 KEYED = {
     "uniform": lambda key: sequences.uniform(2, key),
     "jittered": lambda key: sequences.jittered(64, 2, key),
@@ -51,6 +68,24 @@ KEYED = {
     "randomized": lambda key: samplers.randomized(KEYED["independent"], key, 2),
     "z, hash": lambda key: samplers.z(8, 8, 4, key, dims=4),
     "z, tree": lambda key: samplers.z(8, 8, 4, key, "tree", dims=4),
+    "latin_hypercube": lambda key: sequences.latin_hypercube(90, 2, key),
+    "net_by_net(digital)": lambda key: sequences.net_by_net(sequences.digital(triangular(key)), 64, key),
+    "net_by_net(halton)": lambda key: sequences.net_by_net(sequences.halton(3), 64, key),
+    "pmj02": lambda key: sequences.pmj02(64, key, candidates=4),
+    "morton3": lambda key: orders.morton3(64, 64, 4, key).at_frame(3),
+    "orders.optimized": lambda key: orders.optimized(64, 64, 4, key),
+    "optimized": lambda key: samplers.optimized(8, 8, 4, key),
+    "optimized, joint": lambda key: samplers.optimized(8, 8, 4, key, dims=3),
+    "progressive": lambda key: samplers.progressive(8, 8, key, dims=4),
+    "tiled": lambda key: samplers.tiled(POINTS_OF_TILE, key, dims=3, spp=4),
+    "full_screen, matousek": lambda key: samplers.full_screen(BASE_2["matousek"](SOBOL[2], key), 8, 8),
+    "full_screen, art": lambda key: samplers.full_screen(BASE_2["art_owen"](SOBOL[2], key), 8, 8),
+    "partitioned": lambda key: samplers.partitioned(
+        orders.peano(9, 9), sequences.halton(4, "random", key), exact=True
+    ),
+    "contiguous, frames": lambda key: samplers.contiguous(
+        orders.hilbert3(8, 8, 4), BASE_2["matousek"](SOBOL[9], key), 4
+    ).at_frame(3),
 }
 """Makers of objects from keys."""
 
@@ -90,3 +125,67 @@ def test_keys_can_be_traced_and_mapped(make):
     keys = jax.random.split(jax.random.key(0), 2)
     together = jax.jit(jax.vmap(lambda key: drawn(make(key))))(keys)
     assert np.array_equal(together, [drawn(make(key)) for key in keys])
+
+
+@some("make", KEYED, "owen(sobol(2))", "owen_exact(sobol(2))", "owen_exact(halton)", "matousek(sobol(2))")
+def test_keys_can_be_traced_on_several_devices(make):
+    """Each device has a key of its own."""
+    keys = jax.random.split(jax.random.key(0), 2)
+    mesh = jax.make_mesh((2,), ("device",), axis_types=(jax.sharding.AxisType.Auto,))
+    spread = jax.sharding.PartitionSpec("device")
+    own = jax.shard_map(lambda keys: drawn(make(keys[0]))[None], mesh=mesh, in_specs=spread, out_specs=spread)
+    assert np.array_equal(jax.jit(own)(keys), [drawn(make(key)) for key in keys])
+
+
+# -- flags
+
+FLAGS = {
+    "threefry_partitionable": lambda: jax.threefry_partitionable(False),
+    "default_prng_impl": lambda: jax.default_prng_impl("rbg"),
+    "enable_x64": lambda: jax.enable_x64(True),
+}
+
+
+FORMS = {"integer": lambda: 7, "key": lambda: jax.random.key(7), "legacy": lambda: jax.random.PRNGKey(7)}
+
+
+@cache
+def made(name, form):
+    return known(KEYED[name](FORMS[form]()))
+
+
+@pytest.mark.parametrize("names", [DEFAULT, pytest.param(tuple(KEYED), marks=pytest.mark.slow)], ids=len)
+@pytest.mark.parametrize("flag", FLAGS)
+def test_flags_do_not_change_what_is_made(flag, names):
+    before = {(name, form): made(name, form) for name in names for form in FORMS}
+    with FLAGS[flag]():
+        for name, form in before:
+            assert known(KEYED[name](FORMS[form]())) == before[name, form], (name, form)
+
+
+@some("make", KEYED, "owen(sobol(2))", "randomized")
+def test_flags_do_not_change_points_of_traced_keys(make):
+    """Neither where a program is traced, nor where it is compiled."""
+
+    def program():
+        return jax.jit(lambda key: drawn(make(key)))
+
+    before = program()(jax.random.key(7))
+    with contextlib.ExitStack() as flags:
+        for flag in FLAGS.values():
+            flags.enter_context(flag())
+        assert np.array_equal(program()(jax.random.key(7)), before)
+
+
+def test_only_one_module_draws():
+    """Everything else takes what it draws from there."""
+    roots = [Path(package.__file__).parent for package in (qmcjax, analysis)]
+    texts = {path: path.read_text() for root in roots for path in root.rglob("*.py")}
+    used = {
+        (name, path.name)
+        for path, text in texts.items()
+        for name in re.findall(r"jax\.random\.(\w+)\(", text)
+    }
+    none = {"key", "key_data", "key_impl", "wrap_key_data", "fold_in"}
+    assert {each for each in used if each[0] not in none} == set()
+    assert "jax.random.bits" in next(text for path, text in texts.items() if path.name == "draws.py")

@@ -11,7 +11,7 @@ from qmcjax._pilot import PILOT, check_passes, pilot_of, predicted
 from qmcjax.bridges.mitsuba._given import LIMIT, of_size
 from qmcjax.bridges.mitsuba._sensors import loaded, sensor_of
 from qmcjax.bridges.mitsuba._tiles import TiledPass, Tiles
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.rendering import AdaptiveImage
 from qmcjax.samplers import Randomized
 
@@ -130,7 +130,7 @@ class _Passes:
 
     def add(self, number: int, active: NDArray[np.bool_]) -> None:
         """Add a pass in the active tiles (B. P. Welford, 1962)."""
-        beyond = int(jax.random.bits(jax.random.fold_in(self.key, number), (), jnp.uint32))
+        beyond = int(draws.bits(jax.random.fold_in(self.key, number), (), jnp.uint32))
         of_pass = self.sampler.of_pass(number)
         one = TiledPass(self.mitsuba, self.scene, self.tiles, of_pass, beyond, self.sampler.spp)
         for k in np.flatnonzero(active).tolist():

@@ -10,6 +10,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.bridges._padding import padding_pair, padding_pixel
+from qmcjax.core import draws
 from qmcjax.samplers import Sampler
 
 _TOGETHER = 4
@@ -24,7 +25,7 @@ class PaddedPairs:
 
     def __init__(self, sampler: Sampler, key: Any) -> None:
         self.sampler = sampler
-        self.words = jax.random.bits(key, (2,), jnp.uint32)
+        self.words = draws.bits(key, (2,), jnp.uint32)
 
     def group(self, pair: int) -> tuple[int, int]:
         """Return the first pair of the group that is computed with a given pair, and the group's size."""

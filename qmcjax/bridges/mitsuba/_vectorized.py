@@ -5,7 +5,6 @@ from functools import partial
 from types import ModuleType
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -13,7 +12,7 @@ from qmcjax.bridges._source import Table
 from qmcjax.bridges._source._sampler_programs import SamplerPrograms, first_of
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
 from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.samplers import Sampler
 
 
@@ -24,7 +23,7 @@ class Recorded:
         self.sampler = sampler
         self.count = sampler.dims // 2
         pairs = [(2 * k, 2 * k + 1) for k in range(self.count)]
-        programs = SamplerPrograms(sampler, np.asarray(jax.random.bits(key, (2,), jnp.uint32)), pairs)
+        programs = SamplerPrograms(sampler, np.asarray(draws.bits(key, (2,), jnp.uint32)), pairs)
         tables: dict[Table, Any] = {}
         self.prepare = Evaluated(arrays, programs.prepared.program(), tables)
         self._pairs = [

@@ -18,6 +18,7 @@ from jax.core import Tracer
 
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.varying import alike
 from qmcjax.sequences._digital.matrix_products import selected
 
 
@@ -184,7 +185,7 @@ def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
         return left, right, regular & jnp.any(candidates)
 
     _, solution, regular = jax.lax.fori_loop(
-        np.uint32(0), np.uint32(count), eliminate, (rows, unit, jnp.bool_(True))
+        np.uint32(0), np.uint32(count), eliminate, alike((rows, unit, jnp.bool_(True)))
     )
     bits = (solution[:, None] >> bit[None, :]) & np.uint32(1)
     return jnp.sum(bits * unit[:, None], axis=0, dtype=jnp.uint32), regular

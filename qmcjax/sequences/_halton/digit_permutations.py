@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core import draws
 from qmcjax.core.digits import digit_count, digit_spans
 from qmcjax.core.permuted_digits import reflection_tables
 from qmcjax.core.tables import rows
@@ -60,7 +61,7 @@ def random_permutations(lengths: np.ndarray, key: Array) -> Array:
 
 @jax.jit
 def _shuffled(key: Array, which: Array, digit: Array) -> Array:
-    random = jax.random.bits(key, (2, len(which)), jnp.uint32)
+    random = draws.bits(key, (2, len(which)), jnp.uint32)
     return jax.lax.sort((which, random[0], random[1], digit), num_keys=3)[3]
 
 

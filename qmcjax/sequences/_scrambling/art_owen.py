@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, thue_morse
+from qmcjax.core import checks, draws, thue_morse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Moved
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
@@ -151,7 +151,7 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
 
 def with_tables(sequence: BinarySequence, key: Array, digits: int) -> ArtOwen:
     """Scramble by tables of 4 or 8 digits; the points are the same."""
-    return ArtOwen(sequence, _codes(jax.random.bits(key, (sequence.dims, _SYMBOLS), jnp.uint32), digits))
+    return ArtOwen(sequence, _codes(draws.bits(key, (sequence.dims, _SYMBOLS), jnp.uint32), digits))
 
 
 @partial(jax.jit, static_argnames="digits")
@@ -168,10 +168,13 @@ def _codes(words: Array, digits: int) -> Codes:
 
 
 @cache
-def _symbols_on_the_way(digits: int) -> list[NDArray[np.int64]]:
-    """Return the symbols of the nodes before each digit, and after the last, for all entries."""
-    entry = np.arange(_SYMBOLS << digits)
-    children, symbols = thue_morse.children().astype(np.int64), [entry >> digits]
+def _symbols_on_the_way(digits: int) -> list[NDArray[np.uint32]]:
+    """Return the symbols of the nodes before each digit, and after the last, for all entries.
+
+    Of uint32, as JAX takes one array of int64 either within ``jax.enable_x64`` or outside, not both.
+    """
+    entry = np.arange(_SYMBOLS << digits, dtype=np.uint32)
+    children, symbols = thue_morse.children().astype(np.uint32), [entry >> digits]
     for place in range(digits - 1, -1, -1):
         symbols.append(children[symbols[-1], entry >> place & 1])
     return symbols

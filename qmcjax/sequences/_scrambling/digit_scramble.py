@@ -1,12 +1,11 @@
 """Digit scrambling: a random permutation for each digit of each coordinate."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
 from qmcjax.core.permuted_digits import joined, permuted_spans, table_starts
 from qmcjax.core.pytrees import frozen_pytree
@@ -79,6 +78,6 @@ def digit_scramble(
         return digital_shift(sequence, key)
     sequence = with_digits("sequence", sequence)
     bases = sequence.bases
-    tables_key, tails_key = jax.random.split(checks.prng_key("key", key))
-    tails = jax.random.bits(tails_key, (len(bases),), jnp.uint32)
+    tables_key, tails_key = draws.split(checks.prng_key("key", key))
+    tails = draws.bits(tails_key, (len(bases),), jnp.uint32)
     return PermutedDigits(sequence, random_tables(bases, tables_key), tails)

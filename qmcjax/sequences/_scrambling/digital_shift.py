@@ -2,11 +2,10 @@
 
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Flipped
@@ -58,4 +57,4 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     [2147483648]
     """
     sequence = as_binary("sequence", sequence)
-    return DigitalShift(sequence, jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))
+    return DigitalShift(sequence, draws.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))

@@ -5,9 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.varying import alike
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -47,12 +48,13 @@ def _product(columns: Array, reversed_bits: Array) -> Array:
         # 0 - 1 wraps to all ones: a mask.
         return product ^ ((np.uint32(0) - digit) & column)
 
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), add, jnp.zeros_like(reversed_bits))
+    zeros, _ = alike((jnp.zeros_like(reversed_bits), columns))
+    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), add, zeros)
 
 
 def _triangular(key: Array, dims: int) -> Array:
     """Draw lower unit-triangular matrices as bit-reversed columns: column k has bit k, random bits above."""
-    coins = jax.random.bits(key, (dims, 32), jnp.uint32)
+    coins = draws.bits(key, (dims, 32), jnp.uint32)
     unit = np.uint32(1) << np.arange(32, dtype=np.uint32)
     above = ~((unit - np.uint32(1)) | unit)
     return (coins & above[None, :]) | unit[None, :]
@@ -89,7 +91,7 @@ def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> Digita
     [0, 1, 2, 3]
     """
     sequence = as_binary("sequence", sequence)
-    matrices_key, shift_key = jax.random.split(checks.prng_key("key", key))
+    matrices_key, shift_key = draws.split(checks.prng_key("key", key))
     columns = _triangular(matrices_key, sequence.dims)
     if isinstance(sequence, Digital):
         return digital_shift(

@@ -1,10 +1,9 @@
 """Owen scrambling by hashing, in base 2; for other bases see ``owen_base_b``."""
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import owen_hash
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence
@@ -81,5 +80,5 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     """
     if not isinstance(sequence, BinarySequence):
         return owen_digits(with_digits("sequence", sequence), checks.prng_key("key", key))
-    seeds = jax.random.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32)
     return Owen(sequence, seeds)

@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
+from qmcjax.core import draws
 from qmcjax.core.bits import hash_pair, hash_word, high_product
 from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
 from qmcjax.core.permuted_digits import looked_up
@@ -69,11 +70,11 @@ def _starts(bases: tuple[int, ...]) -> np.ndarray:
 def owen_digits(sequence: DigitSequence, key: Array) -> OwenDigits:
     """Draw the tables and seeds of all coordinates."""
     bases = sequence.bases
-    tables_key, seeds_key = jax.random.split(key)
+    tables_key, seeds_key = draws.split(key)
     lengths = [np.full(base**level, base) for base in bases for level in range(digit_spans(base)[0])]
     tables = _nested_tables(random_permutations(np.concatenate(lengths), tables_key), bases)
     spans = max(len(digit_spans(base)) for base in bases)
-    return OwenDigits(sequence, tables, jax.random.bits(seeds_key, (len(bases), spans + 1), jnp.uint32))
+    return OwenDigits(sequence, tables, draws.bits(seeds_key, (len(bases), spans + 1), jnp.uint32))
 
 
 @partial(jax.jit, static_argnames="bases")

@@ -5,9 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.varying import alike
 from qmcjax.sequences._protocol.binary import BinarySequence
 from qmcjax.sequences._protocol.digit_sequence import DigitSequence, with_digits
 from qmcjax.sequences._protocol.fraction import Fraction
@@ -42,7 +43,8 @@ def _scramble(reversed_bits: Array, seeds: Array) -> Array:
         unit = jnp.uint32(1) << k
         return scrambled ^ (random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
 
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, reversed_bits)
+    start, _ = alike((reversed_bits, seeds))
+    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, start)
 
 
 def random_word(value: Array, seeds: Array) -> Array:
@@ -95,5 +97,5 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     [0, 1, 2, 3, 4, 5, 6, 7, 8]
     """
     known = sequence if isinstance(sequence, BinarySequence) else with_digits("sequence", sequence)
-    seeds = jax.random.bits(checks.prng_key("key", key), (known.dims, 2), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (known.dims, 2), jnp.uint32)
     return OwenExact(known, seeds) if isinstance(known, BinarySequence) else OwenExactDigits(known, seeds)

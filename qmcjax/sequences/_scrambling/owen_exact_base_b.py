@@ -9,6 +9,7 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.varying import alike
 from qmcjax.sequences._scrambling.scrambled import ScrambledDigits
 
 _DRAWN = 2**13
@@ -38,8 +39,8 @@ class OwenExactDigits(ScrambledDigits):
             scrambled = permuted(rest - upper * word(base), node, k, base, seeds)
             return upper, unit * word(base), leading * word(base) + scrambled
 
-        start = (first, jnp.asarray(word(1 + 0 * base)), jnp.zeros_like(first))
-        leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, start)[2]
+        *start, _ = alike((first, jnp.asarray(word(1 + 0 * base)), jnp.zeros_like(first), seeds))
+        leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, tuple(start))[2]
         node = node_of(first, seeds)
         scrambled = permuted(last, node, jnp.uint32(count - 1), base, seeds)
         # After the last digit all are 0: their images belong to the child of this node, and to no other
@@ -96,4 +97,5 @@ def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) 
             position = jnp.where(position == highest, other, jnp.where(position == other, highest, position))
         return position
 
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(-(-(top - 1) // together)), swap, digit)
+    start, _ = alike((digit, node))
+    return jax.lax.fori_loop(np.uint32(0), np.uint32(-(-(top - 1) // together)), swap, start)

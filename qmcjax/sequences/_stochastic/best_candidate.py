@@ -6,6 +6,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core.bits import hash_word
+from qmcjax.core.varying import alike
 from qmcjax.sequences._scrambling.owen_exact import random_word
 
 _REACH = 3
@@ -24,6 +25,7 @@ def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -
     uint32 Array, shape (dims, 2). Returns uint32 Array, shape (n, dims).
     """
     n = words.shape[0]
+    words, steps, seeds = alike((words, steps, seeds))
     numbers = jax.lax.iota(jnp.uint32, candidates)[None, :, None] * np.uint32(0x9E3779B9)
     seeds_of_candidates = hash_word(seeds[:2, None, :] + numbers)
 

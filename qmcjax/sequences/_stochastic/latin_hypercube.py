@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import WordFirst
@@ -126,5 +126,5 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
     """
     n = checks.integer("n", n, 1, 2**32)
     dims = checks.integer("dims", dims, 1, 2**16)
-    seeds = jax.random.bits(checks.prng_key("key", key), (dims, 2 + _rounds(n)), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (dims, 2 + _rounds(n)), jnp.uint32)
     return LatinHypercube(n, seeds)

@@ -9,7 +9,8 @@ from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
+from qmcjax.core.varying import alike
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._digital.prime_digital import PrimeDigital
 from qmcjax.sequences._halton.halton import RadicalInverses
@@ -117,7 +118,7 @@ def drawn(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
 
 
 def _seeds(key: Array, dims: int) -> Array:
-    return jax.random.bits(key, (dims, 2), jnp.uint32)
+    return draws.bits(key, (dims, 2), jnp.uint32)
 
 
 def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
@@ -154,7 +155,7 @@ def _eliminated(matrices: Array) -> tuple[Array, Array]:
         return jax.lax.fori_loop(0, k, clear, state)
 
     unit = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)
-    state = matrices, jnp.broadcast_to(unit[None], matrices.shape)
+    state = alike((matrices, jnp.broadcast_to(unit[None], matrices.shape)))
     return jax.lax.fori_loop(0, 32, column, state)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.sequences._protocol.tabulated import Tabulated
 from qmcjax.sequences._stochastic.net_by_net import checked_sizes, drawn, to_earlier
 
@@ -55,9 +55,9 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     [True, True]
     """
     n, candidates = checked_sizes(n, 2, candidates)
-    choices_key, points_key = jax.random.split(checks.prng_key("key", key))
+    choices_key, points_key = draws.split(checks.prng_key("key", key))
     # If the factor is x + 1 instead of x, digit 2 k + 1 of the index is added to digit 2 k.
-    choices = jax.random.bits(choices_key, (), jnp.uint32) & np.uint32(0x55555555)
+    choices = draws.bits(choices_key, (), jnp.uint32) & np.uint32(0x55555555)
     steps = jnp.asarray(_steps())
     return drawn(steps ^ (steps >> 1 & choices), points_key, n, candidates)
 

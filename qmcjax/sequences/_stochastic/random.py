@@ -2,12 +2,11 @@
 
 from dataclasses import field
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import checks
+from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.binary import BinarySequence, WordFirst
@@ -84,7 +83,7 @@ def _divided(cell: Array, fraction: Array, side: int) -> Array:
 
 
 def _seeds(key: Array | int, dims: int) -> Array:
-    return jax.random.bits(checks.prng_key("key", key), (dims, 2), jnp.uint32)
+    return draws.bits(checks.prng_key("key", key), (dims, 2), jnp.uint32)
 
 
 def uniform(dims: int, key: Array | int) -> Uniform:

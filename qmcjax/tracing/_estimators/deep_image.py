@@ -8,6 +8,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
+from qmcjax.core import draws
 from qmcjax.core.bits import below_one
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.estimator import Estimator
@@ -153,7 +154,7 @@ def _merged(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepI
 def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepImage:
     """Return one random sample per row at the given (x, y, interval), shape (3, n)."""
     needs = scene.needs
-    points = jax.random.uniform(key, (place.shape[1], len(needs)), place.dtype)
+    points = draws.uniform(key, (place.shape[1], len(needs)), place.dtype)
     column = {name: j for j, name in enumerate(needs)}
     for j, name in enumerate(("x", "y", "time")):
         if name in column:

@@ -36,8 +36,14 @@ def _hashed(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entri
     keys, high, low = np.broadcast_arrays(keys, *(lifted(reader.builder, words) for words in (high, low)))
     made = np.empty((2, *keys.shape), object)
     for place in np.ndindex(keys.shape):
-        made[(slice(None), *place)] = _threefry(reader.builder, *keys[place].words, high[place], low[place])
+        entries: Any = keys[place], high[place], low[place]
+        made[(slice(None), *place)] = _threefry(reader.builder, *entries[0].words, *entries[1:])
     return made
+
+
+def _partitionable() -> bool:
+    config: Any = jax.config
+    return config.jax_threefry_partitionable
 
 
 def _blocks(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
@@ -73,7 +79,7 @@ def _bits(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
     if width != 32:
         raise Untranslatable(f"random words of {width} bits")
     shape = out.shape[given[0].ndim :]
-    if not jax.config.jax_threefry_partitionable:
+    if not _partitionable():
         return [_halves(reader, given[0], shape)]
     made = _blocks(reader, given[0], shape)
     return [reader.map(lambda a, b: reader.builder.apply("xor", a, b), out.dtype, *made)]
@@ -88,7 +94,7 @@ def _fold_in(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
 def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     _implementation(equation.given[0].dtype)
     shape = equation.made[0].shape[given[0].ndim :]
-    if not jax.config.jax_threefry_partitionable:
+    if not _partitionable():
         return [as_keys(_halves(reader, given[0], (*shape, 2)))]
     return [as_keys(np.moveaxis(_blocks(reader, given[0], shape), 0, -1))]
 

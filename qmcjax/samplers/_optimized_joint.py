@@ -127,17 +127,15 @@ def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving
     order, digits = orders.morton(width, height), spp.bit_length() - 1
     # Coordinates of Niederreiter and Xing's are not nets of t = 0, as windows of pixels and frames need.
     if dims <= SMALL_DIMS and order.length * spp <= 2**32 and not moving:
-        sequence, searched, tables = (
-            niederreiter_xing(dims),
-            niederreiter_xing(SMALL_DIMS),
-            _tables(SMALL_DIMS),
-        )
+        make, searched, tables = niederreiter_xing, SMALL_DIMS, _tables(SMALL_DIMS)
     elif moving and dims <= SMALL_DIMS:
-        sequence, searched, tables = sobol(dims), sobol(SMALL_DIMS), _moving()[0]
+        make, searched, tables = sobol, SMALL_DIMS, _moving()[0]
     else:
-        sequence, searched, tables = sobol(dims), sobol(2 * SMALL_DIMS), _tables(2 * SMALL_DIMS)
-    bits = index_bits(tables, digits, np.asarray(searched.matrices))
-    scrambled: Any = owen(_reordered(sequence, bits), key)
+        make, searched, tables = sobol, 2 * SMALL_DIMS, _tables(2 * SMALL_DIMS)
+    with jax.ensure_compile_time_eval():
+        matrices = np.asarray(make(searched).matrices)
+    bits = index_bits(tables, digits, matrices)
+    scrambled: Any = owen(_reordered(make(dims), bits), key)
     return Joint(order, _in_time(scrambled, digits) if moving else scrambled, spp)
 
 

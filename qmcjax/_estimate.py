@@ -34,7 +34,9 @@ class Estimate(NamedTuple):
     n: int
     """Number of points of each replicate."""
     unseen: Any
-    """Where means of replicates are equal, the range of the values divided by their number; else 0."""
+    """Where values are few and two means equal, the range of values divided by their number; else 0.
+
+    Infinite where all values seen are equal, and not known to have limits."""
     limits: tuple[float, float] | None = None
     """Of the function's values."""
     tolerance: float | None = None
@@ -82,8 +84,9 @@ class Estimate(NamedTuple):
         return self._interval(level)
 
     def _interval(self, level: float) -> tuple[Any, Any]:
-        def ends(xp: Any, rounding: Any, *columns: Any) -> tuple[Any, Any]:
-            low, high = self._ends(level, xp, *columns)
+        def ends(xp: Any, rounding: Any, integral: Any, error: Any, unseen: Any, means: Any) -> Any:
+            unseen = xp.where(xp.isinf(unseen), 0, unseen)
+            low, high = self._ends(level, xp, integral, error, unseen, means)
             if self.limits is not None:
                 low, high = (xp.clip(end, *self.limits) for end in (low, high))
             return low - rounding, high + rounding
@@ -113,11 +116,11 @@ class Estimate(NamedTuple):
 
     def _doubt(self) -> str | None:
         """Return what cannot be vouched for, in a sentence."""
-        if self.limits is not None or self._traced():
+        if self._traced():
             return None
-        errors = [np.asarray(leaf) for leaf in jax.tree.leaves(self.standard_error)]
-        parts = [part for each in errors for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
-        still, count = sum(np.count_nonzero(part == 0) for part in parts), self.n * self.replicates
+        leaves: list[Any] = [np.asarray(leaf) for leaf in jax.tree.leaves(self.unseen)]
+        parts = [part for each in leaves for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
+        still, count = sum(np.count_nonzero(np.isinf(part)) for part in parts), self.n * self.replicates
         if not still:
             return None
         of = sum(part.size for part in parts)
@@ -171,6 +174,9 @@ class BettingEstimate(Estimate):
 
 _LEAST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
 """Added to the magnitude of values: processors may take numbers below the least normal one for 0."""
+
+_FEW = 256
+"""Values of which at least half are distinct, unless a function takes few values: those are counted."""
 
 _COUNTED = 3
 """Part of the standard error: this times the square of what is unseen."""
@@ -310,7 +316,7 @@ def estimate(
     ``some``: columns of a few values; ``spread``: range of those that were seen, shape (columns,).
     """
     known = not any(isinstance(each, Tracer) for each in (*found, some))
-    reach = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
+    reach: Any = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
     made_of = (_compiled_columns if known else _columns)(
         tuple(found), some, spread, reach, n, KINDS[kind] is QuantileEstimate
     )
@@ -350,10 +356,20 @@ def _columns(
     magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))
     fixed = jax.lax.stop_gradient(means)
     equal = jnp.diff(jnp.sort(fixed, axis=0), axis=0).min(axis=0) <= 4 * np.finfo(np.float64).eps * magnitude
+    # Means of smooth functions may be equal to rounding, but their values are not.
+    few = jnp.sort(some[:_FEW], axis=0)
+    equal &= jnp.sum(jnp.diff(few, axis=0) > 0, axis=0) < max(2, len(few) // 2)
     unseen = jnp.where(equal, reach / (n * len(found)), 0)
+    constant = (reach == 0) & (jnp.ptp(fixed, axis=0) == 0)
     varied = jnp.where(jnp.ptp(fixed, axis=0) > 0, jnp.var(means, axis=0, ddof=1), 0)
     error = jnp.sqrt(varied / len(found) + _COUNTED * jnp.square(unseen))
-    return means, _median(means) if of_ranks else mean, error, magnitude + spread / 2 + _LEAST, unseen
+    return (
+        means,
+        _median(means) if of_ranks else mean,
+        error,
+        magnitude + spread / 2 + _LEAST,
+        jnp.where(constant, jnp.inf, unseen),
+    )
 
 
 _compiled_columns = jax.jit(_columns, static_argnums=(4, 5))

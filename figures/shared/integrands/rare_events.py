@@ -104,7 +104,7 @@ def cell(n: int, replicates: int, limits: bool, trials: int) -> Held:
             limits=LIMITS if limits else None,
         )
         held = _holds(found.interval, LEVEL)
-        sure = limits | (found.standard_error > 0)
+        sure = np.isfinite(found.unseen)
         off = abs(found.means.mean(axis=0) - _exact())
         error = found.means.std(axis=0, ddof=1) / np.sqrt(replicates)
         counts += held, ~held & ~sure, off <= quantile * error + found.rounding

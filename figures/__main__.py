@@ -26,7 +26,6 @@ from qmcjax.core import packages
 COMMANDS = {
     "compare": "figures.arena",
     "export": "figures.commands.export",
-    "gpu": "figures.commands.gpu",
     "keep": "figures.commands.keep",
     "suite": "figures.suite.command",
 }

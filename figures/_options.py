@@ -45,7 +45,6 @@ examples:
   qmcjax compare --help                 your own sampler against those of the papers
   qmcjax suite --help                   the benchmark of samplers, ours and others
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
-  qmcjax gpu                            how fast a GPU is, and whether it computes the same
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
 papers print in numbers.json there; index.html there shows all of it. A second run makes only what

@@ -20,7 +20,7 @@ from qmcjax._estimate import (
     limits_of_integral,
 )
 from qmcjax._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
-from qmcjax.core import checks, devices, draws
+from qmcjax.core import backends, checks, devices, draws
 from qmcjax.core.bounds import bounded
 from qmcjax.core.pytrees import is_traced
 from qmcjax.sequences import (
@@ -267,7 +267,15 @@ def integrate(
             found = []
             for copy in copies:
                 arguments = function, copy, np.uint32(start)
-                how = n, dtype, start % ROWS == 0, mesh, is_traced(arguments), replicated, wide
+                how = (
+                    n,
+                    dtype,
+                    start % backends.current().rows == 0,
+                    mesh,
+                    is_traced(arguments),
+                    replicated,
+                    wide,
+                )
                 found.append(devices.local(mean_of(*devices.placed(arguments, mesh), *how), mesh))
             for copy, columns in zip(copies, found, strict=True):
                 refuse_infinite(columns, function, copy, start, n, dtype, replicated, wide)

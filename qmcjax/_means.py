@@ -9,14 +9,14 @@ from jax import Array
 from jax.core import Tracer
 from jax.sharding import Mesh
 
-from qmcjax.core import checks, parts, plug_ins, summation
+from qmcjax.core import backends, checks, parts, plug_ins, summation
 from qmcjax.core.bounds import Bounded
 from qmcjax.core.columns import columns, of_columns
 from qmcjax.core.pytrees import frozen_pytree, jit
 from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
 
 ROWS = 4096
-"""Points evaluated together: they and their sums fit a second-level cache."""
+"""Points of which the range of values is taken."""
 
 _BATCH = 8
 """Blocks of cheap points: their values are added pairwise before the compensated sum."""
@@ -40,9 +40,9 @@ class _Converted:
 def _call(function: Any, points: Array) -> Any:
     if isinstance(function, _Converted):
         converted = plug_ins.unwrap(function.converted)
-        # The function was converted for ROWS points.
-        rows = len(points)
-        blocks = jnp.pad(points, ((0, -rows % ROWS), (0, 0)), mode="edge").reshape(-1, ROWS, points.shape[1])
+        # The function was converted for so many points.
+        size, rows = backends.current().rows, len(points)
+        blocks = jnp.pad(points, ((0, -rows % size), (0, 0)), mode="edge").reshape(-1, size, points.shape[1])
         made = [converted(function.function, block, *function.closed_over) for block in blocks]
         return jax.tree.map(lambda *parts: jnp.concatenate(parts)[:rows], *made)
     return plug_ins.unwrap(function)(points)
@@ -63,15 +63,16 @@ def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     the program.
     """
     function = plug_ins.wrap("function", function)
-    points = jax.ShapeDtypeStruct((ROWS, dims), dtype)
+    rows = backends.current().rows
+    points = jax.ShapeDtypeStruct((rows, dims), dtype)
     converted, closed_over = jax.closure_convert(_call_checked, function, points)
     made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
     leaves = jax.tree.leaves(made)
     for leaf in leaves:
-        if leaf.shape[:1] != (ROWS,) or not _is_number(leaf.dtype):
+        if leaf.shape[:1] != (rows,) or not _is_number(leaf.dtype):
             raise ValueError(
-                f"function must return numbers of shape ({ROWS}, ...) for points of shape "
-                f"({ROWS}, {dims}), got {leaf.dtype} {leaf.shape}"
+                f"function must return numbers of shape ({rows}, ...) for points of shape "
+                f"({rows}, {dims}), got {leaf.dtype} {leaf.shape}"
             )
     if not leaves:
         raise ValueError(f"function must return at least one array of values, got {checks.shown(made)}")
@@ -130,17 +131,18 @@ def mean_of(
         return values(function, _points(sequence, index, dtype, replicated))
 
     fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
-    size = _BATCH if fast else 1
-    batches, rest = divmod(n, ROWS * size)
+    rows, caches = backends.current().rows, backends.current().caches
+    size = _BATCH if fast or not caches else 1
+    batches, rest = divmod(n, rows * size)
     blocks = None
     if fast and batches and isinstance(sequence, BinarySequence):
-        blocks = sequence.blocks(start, batches * size, ROWS)
+        blocks = sequence.blocks(start, batches * size, rows)
 
     def block(parameters: Any, k: Array) -> Array:
         function, sequence, blocks, start = parameters
-        row = jax.lax.iota(jnp.uint32, ROWS)
+        row = jax.lax.iota(jnp.uint32, rows)
         if blocks is None:
-            return of_index(function, sequence, start + k * np.uint32(ROWS) + row)
+            return of_index(function, sequence, start + k * np.uint32(rows) + row)
         points = sequence.points_of_blocks(blocks.part(k, 1), dtype)
         return values(function, _centred(points, sequence, dtype) if replicated else points)
 
@@ -169,7 +171,7 @@ def mean_of(
     mean = total / np.asarray(n, total.dtype)
     if replicated:
         return mean
-    like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((ROWS, sequence.dims), dtype))
+    like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((rows, sequence.dims), dtype))
     return of_columns(mean, like, dtype)
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from qmcjax import orders, samplers, sequences
+from qmcjax.core import backends
 from qmcjax.orders._hierarchy import permuted
 
 
@@ -387,6 +388,11 @@ def environment(**more):
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         **more,
     }
+
+
+def sizes(monkeypatch, backend=backends.CPU, **changed):
+    """Let programs have other sizes: those of a GPU, for example."""
+    monkeypatch.setitem(backends.BY_PLATFORM, "cpu", backend._replace(**changed))
 
 
 def refuses(error, calls):

@@ -19,7 +19,7 @@ from analysis._design import images
 from analysis._design.filters import Filter, autocorrelation
 from analysis._design.integrand_classes import CLASSES, IntegrandClass
 from qmcjax import sequences
-from qmcjax.core import checks
+from qmcjax.core import backends, checks
 from qmcjax.scenes import Scene
 
 _LEAST = 1e-7
@@ -230,7 +230,17 @@ def mean_square(
         kernels = [share * of.pair(points[..., :, None, :], other[..., None, :, :]) for of, share in classes]
         return jnp.mean(sum(kernels[1:], kernels[0]))
 
-    start = jnp.zeros((), points.dtype)
-    total, _ = lax.scan(lambda before, at: (before + at[1] * pairs(at[0]), None), start, (offsets, weights))
+    def several(before: Array, at: tuple[Array, Array]) -> tuple[Array, None]:
+        of_pairs, weights = jax.vmap(pairs)(at[0]) if size > 1 else pairs(at[0][0])[None], at[1]
+        return before + jnp.sum(weights * of_pairs), None
+
+    # On a GPU many offsets take the time of one.
+    size = min(max(backends.current().pairs // (points.size * points.shape[-2]), 1), len(offsets))
+    padding = (0, -len(offsets) % size)
+    at = (
+        jnp.pad(jnp.asarray(offsets), (padding, (0, 0))).reshape(-1, size, 3),
+        jnp.pad(weights, padding).reshape(-1, size),
+    )
+    total, _ = lax.scan(several, jnp.zeros((), points.dtype), at)
     potentials = [share * jnp.mean(2 * of.potential(points) - of.mean) for of, share in classes]
     return total - jnp.sum(weights) * sum(potentials[1:], potentials[0])

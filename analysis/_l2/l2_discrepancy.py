@@ -16,6 +16,7 @@ from analysis._l2.kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, W
 from analysis._l2.merges import many_points_discrepancy
 from analysis._l2.pairs import pair_sum
 from analysis._loops import COMPILED
+from qmcjax.core import backends
 
 _POINTS = 2**24
 """Maximum number of points: beyond, sums over all pairs would not be exact."""
@@ -209,7 +210,7 @@ def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:
         raise ValueError(f"points must be at most {_POINTS}, got n={n}: measure a part of them")
     dtype = jax.dtypes.canonicalize_dtype(np.float64) if traced else np.dtype(np.float64)
     with jax.enable_x64(True):
-        if not traced and n >= _MANY and dims in (2, 3) and COMPILED and jax.default_backend() == "cpu":
+        if not traced and n >= _MANY and dims in (2, 3) and COMPILED and backends.current().caches:
             return jnp.asarray(many_points_discrepancy(given.astype(np.float64, copy=False), kernel))
         return _measure(given, kernel, _strips(n, dims), dtype)
 

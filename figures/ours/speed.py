@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from figures.making import own_process
 from figures.plot import Style
-from figures.shared.timing import measure_rates, path_rates, point_rates, ray_rates
+from figures.shared.timing import device_rates, measure_rates, path_rates, point_rates, ray_rates
 
 ALIKE = 1.25
 """Ratio of rates that are about the same."""
@@ -30,8 +30,11 @@ STYLES = {
     "Mitsuba": Style("0.3", "s"),
     "qmcjax": Style("C0", "o"),
     "cKDTree": Style("0.3", "D"),
+    "GPU": Style("C0", "o"),
+    "processor": Style("C1", "^"),
+    "bound of an H100": Style("0.6", "s"),
 }
-"""By way or program: of points, rays, paths and measures."""
+"""By way or program: of points, rays, paths, measures and devices."""
 
 OURS = ("float32", "float64", "fused loops", "tree, JAX", "compiled")
 """Ways of ours, whose names do not say so."""
@@ -39,7 +42,9 @@ OURS = ("float32", "float64", "fused loops", "tree, JAX", "compiled")
 NOTE = (
     "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy its "
     "first points each time. Peers make float64. Their scrambling is linear, but for QMCPy's nested uniform "
-    "one beside our exact Owen scrambling. {rays} {paths} {measures} Peers not installed are left out "
+    "one beside our exact Owen scrambling. {rays} {paths} {measures} Where there is a "
+    "GPU, rates of whole programs on it stand beside those on the processor and the bound that their "
+    "operations are for an H100. Peers not installed are left out "
     "(pip install -e '.[bench]' brings QMCPy and torch)."
 )
 
@@ -50,6 +55,8 @@ Rates = Mapping[str, Mapping[str, float]]
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure one kind after the other, points in a process of its own, and draw dots."""
     made = own_process.measured(point_rates, quality)
+    progress(0.2)
+    on_device = own_process.measured(device_rates, quality)
     progress(0.3)
     of_rays, about_rays = ray_rates.measured(quality)
     progress(0.6)
@@ -68,6 +75,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         left: {"Coordinates of points per second": points, "Paths per second": paths},
         right: {"Rays per second": rays, "Points measured per second": measures},
     }
+    if on_device:
+        columns[left][f"Samples per second on a {on_device['device']}"] = {
+            name: {"GPU": of["rate"], "processor": of["processor"], "bound of an H100": of["bound"]}
+            for name, of in on_device["programs"].items()
+        }
     for part, panels in columns.items():
         heights = [len(rates) + 3 for rates in panels.values()]
         axes = part.subplots(len(panels), 1, height_ratios=heights)
@@ -88,6 +100,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             },
             "paths": of_paths,
             "measures": measures,
+            "devices": on_device,
         },
         "claims": claims,
         "note": NOTE.format(rays=about_rays, paths=about_paths, measures=measure_rates.NOTE),

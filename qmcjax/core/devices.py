@@ -100,6 +100,11 @@ def local(values: Any, mesh: Mesh | None) -> Any:
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else leaf.addressable_data(0), values)
 
 
+def platform() -> str:
+    """Return the platform of the default device, such as "cpu" or "gpu"."""
+    return _usual().platform
+
+
 def kind(mesh: Mesh | None) -> str:
     """Return the kind of device: bits may differ between kinds."""
     return (_usual() if mesh is None else mesh.devices.flat[0]).device_kind

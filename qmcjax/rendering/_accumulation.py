@@ -1,6 +1,7 @@
 """Sums of samples over pixels: all of an image, or a list of them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -10,7 +11,7 @@ from jax import Array
 from jax.sharding import Mesh
 from numpy.typing import DTypeLike
 
-from qmcjax.core import devices, parts, summation
+from qmcjax.core import backends, devices, parts, summation
 from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
@@ -18,12 +19,6 @@ from qmcjax.core.summation import Sum
 
 Pixels = tuple[Array, Array]
 """Columns and rows."""
-
-TILE = {"cpu": 2**14}
-"""Pixels of a tile with sums that stay in the cache, by backend."""
-
-_ANYWHERE = 2**20
-"""Pixels of a tile on other backends, with many more threads."""
 
 _ALIGNED = 64
 """Divides the pixels of a large tile; otherwise these take up to 7 % longer."""
@@ -40,30 +35,38 @@ class How(NamedTuple):
     width: int
     height: int
     batch: int
-    """Samples of a pixel that are evaluated together."""
+    """Samples of a pixel that one thread evaluates."""
+    together: int
+    """Batches of a pixel along an axis."""
+    whole: bool
+    """Whether these are all samples of a pixel."""
     dims: tuple[int, ...]
     """Sampled coordinates; the others are 1/2 (of the pixel, for the first two)."""
     dtype: np.dtype
     mesh: Mesh | None
 
+    @property
+    def block(self) -> int:
+        """Samples of a pixel that are evaluated at once."""
+        return self.batch * self.together
+
 
 @jit("how")
 def accumulate(
-    pair: tuple[Any, Any], tiles: Array, states: Sum, first: Array, batches: Array, how: How
+    pair: tuple[Any, Any], tiles: Array, states: Sum, first: Array, blocks: Array, how: How
 ) -> Sum:
-    """Add ``batches`` times ``how.batch`` samples to every pixel of some tiles, one tile after the other.
+    """Add ``blocks`` times ``how.block`` samples to every pixel of some tiles, one tile after the other.
 
     ``tiles`` holds the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
     neighbours, shape (tiles,); numbers beyond the last pixel stand for it. The sums of a tile stay in the
     cache.
     """
 
-    def of_tile(part: tuple[Array, Sum], pair: tuple[Any, Any], first: Array, batches: Array) -> Sum:
+    def of_tile(part: tuple[Array, Sum], pair: tuple[Any, Any], first: Array, blocks: Array) -> Sum:
         tile, state = part
-        batch_sum, parameters = _batch(pair, tile, how)
-        return summation.add_terms(batch_sum, True, parameters, state, first, batches)
+        return summation.add_terms(*_terms(pair, tile, how), state, first, blocks)
 
-    return parts.mapped(of_tile, how.mesh, (tiles, states), pair, first, batches)
+    return parts.mapped(of_tile, how.mesh, (tiles, states), pair, first, blocks)
 
 
 @jit("how", "traced")
@@ -71,38 +74,58 @@ def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How, traced: boo
     """Return the means over all samples of some tiles; the sums stay in the cache."""
 
     def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
+        if how.whole:
+            # No loop on a GPU: its end would be read by the processor.
+            total = jax.checkpoint(partial(_block, how))((*pair, tile), jnp.uint32(0))
+            return mean((total, jnp.zeros_like(total)), spp)
         state = zeros(pair[0], (how.size,), how.dtype)
-        batches = spp // np.uint32(how.batch)
-        batch_sum, parameters = _batch(pair, tile, how)
-        state = summation.add_terms(batch_sum, True, parameters, state, jnp.uint32(0), batches)
+        blocks = spp // np.uint32(how.block)
+        state = summation.add_terms(*_terms(pair, tile, how), state, jnp.uint32(0), blocks)
         return mean(state, spp)
 
     mapped = parts.differentiable if traced else parts.mapped
     return mapped(of_tile, how.mesh, tiles, pair, spp)
 
 
-def _batch(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any, Array], Array], Any]:
-    """Return the sum over batch k of the samples of a tile, a function of parameters and k, and these."""
+def _terms(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any, Array], Array], bool, Any]:
+    """Return the sum over block k of the samples of a tile: a function, whether pinned, and parameters."""
     scene, sampler = pair
-    size, width, height, batch, dims, dtype, _ = how
+    if how.together > 1:
+        return partial(_block, how), False, (scene, sampler, tile)
+    return partial(_batch, how), True, (scene, sampler, *_prepared(how, sampler, tile))
+
+
+def _block(how: How, parameters: tuple[Any, Any, Array], k: Array) -> Array:
+    """Return the sum of block k of the samples of a tile; of the samples only sums of batches are kept."""
+    scene, sampler, tile = parameters
+    along = jax.lax.broadcasted_iota(jnp.uint32, (how.size, how.together), 1)
+    prepared, pixels = _prepared(how, sampler, tile)
+    sums = _batch(how, (scene, sampler, prepared, pixels), k * np.uint32(how.together) + along)
+    # XLA's own sums have an order that depends on the size of the tile.
+    sums = jax.lax.optimization_barrier(sums)
+    return summation.pairwise([sums[:, j] for j in range(how.together)])
+
+
+def _prepared(how: How, sampler: Any, tile: Array) -> tuple[Any, Pixels]:
+    """Return what samples share, and the pixels of a tile: one for each that is evaluated at once."""
     if tile.ndim == 0:
-        tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, size), np.uint32(width * height - 1))
-    pixels = tile % np.uint32(width), tile // np.uint32(width)
-    prepared = sampler.prepare(*pixels, dims)
-    own = is_own(sampler)
+        tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, how.size), np.uint32(how.width * how.height - 1))
+    if how.together > 1:
+        tile = jnp.broadcast_to(tile[:, None], (how.size, how.together))
+    pixels = tile % np.uint32(how.width), tile // np.uint32(how.width)
+    return sampler.prepare(*pixels, how.dims), pixels
 
-    def batch_sum(parameters: Any, k: Array) -> Array:
-        scene, sampler, prepared, (x, y) = parameters
-        block = jnp.broadcast_to(k, x.shape)
-        points = sampler.consecutive(prepared, block, batch, dims, dtype)
-        values = []
-        for point in points:
-            whole = with_all_dims(point, dims, len(scene.needs))
-            value = scene(on_screen(whole, x, y, width, height))
-            values.append(value if own else nan_outside(value, point))
-        return summation.pairwise(values)
 
-    return batch_sum, (scene, sampler, prepared, pixels)
+def _batch(how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array) -> Array:
+    """Return the sums over batches with the given numbers, or one number, of samples of some pixels."""
+    scene, sampler, prepared, pixels = parameters
+    number = jnp.broadcast_to(number, pixels[0].shape)
+    values = []
+    for point in sampler.consecutive(prepared, number, how.batch, how.dims, how.dtype):
+        whole = with_all_dims(point, how.dims, len(scene.needs))
+        value = scene(on_screen(whole, *pixels, how.width, how.height))
+        values.append(value if is_own(sampler) else nan_outside(value, point))
+    return summation.pairwise(values)
 
 
 def nan_outside(values: Array, points: Array) -> Array:
@@ -112,13 +135,13 @@ def nan_outside(values: Array, points: Array) -> Array:
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
-def tile_size(pixels: int, mesh: Mesh | None, traced: bool) -> int:
+def tile_size(pixels: int, together: int, mesh: Mesh | None, traced: bool) -> int:
     """Return the number of pixels per tile: devices have equally many tiles, and few pixels are padding.
 
     Derivatives add up tiles, so tiles do not depend on devices where derivatives may be wanted.
     """
     least, count = (_LEAST, parts.FEW) if traced else (1, devices.count(mesh))
-    most = min(TILE.get(jax.default_backend(), _ANYWHERE), pixels)
+    most = min(backends.current().lanes // together, pixels)
     size = max(least, -(-pixels // (-(-pixels // (most * count)) * count)))
     aligned = -(-size // _ALIGNED) * _ALIGNED if size > _ALIGNED**2 else size
     return min(most, aligned)

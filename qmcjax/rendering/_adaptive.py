@@ -9,17 +9,11 @@ from jax import Array
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, devices
+from qmcjax.core import backends, checks, devices
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._task import Task, in_one_pass
-
-_SIZES = (16384, 4096, 1024, 256)
-"""Pixels per call: few sizes mean few programs; the sums of the largest fit the cache."""
-
-_LONG = 4096, 1024
-"""Pixels per call of a long program, compiled once; the smaller size is for images below four times the
-larger. Smaller calls take longer, larger ones discard more of the last call."""
+from qmcjax.rendering._render import rendered
+from qmcjax.rendering._task import Task, in_one_pass, refuse
 
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
 """Coordinates, and the pixels in which exactly these vary."""
@@ -38,6 +32,9 @@ class AdaptiveImage(NamedTuple):
 
 def skipping(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
     """Take one sample where the scene is constant; elsewhere sample only the coordinates that vary."""
+    if getattr(task.scene, "varies", None) is None:
+        image = rendered(task, mesh, progress, None)
+        return AdaptiveImage(image, np.full(image.shape[:2], task.spp, np.uint32), 0.0)
     image, groups = plan(task)
     counts = np.ones(image.shape[:2], np.uint32)
     total, done = sum(len(pixels) for _, pixels in groups), 0
@@ -65,7 +62,7 @@ def plan(task: Task) -> tuple[NDArray, list[Group]]:
         else:
             image = np.array(_centres(scene, *size, task.dtype))
     rest = np.arange(task.width * task.height) if codes is None else np.flatnonzero(codes)
-    if codes is None or _is_long(scene):
+    if codes is None or task.long:
         return image, [(every, rest)]
     codes = codes[rest]
     groups = []
@@ -81,11 +78,6 @@ def plan(task: Task) -> tuple[NDArray, list[Group]]:
 def _bit(dim: int) -> int:
     """Return the bit of a coordinate: x and y share one, and so do all from 32 on."""
     return min(max(dim - 1, 0), 31)
-
-
-def _is_long(scene: Any) -> bool:
-    """Return whether compiling the scene takes longer than sampling unnecessary coordinates."""
-    return getattr(scene, "unrolled", 0) == 1
 
 
 @jit("width", "height", "dtype")
@@ -127,17 +119,22 @@ def means(
 ) -> Iterator[tuple[NDArray, NDArray]]:
     """Yield the means of all samples, one part of the pixels at a time."""
     sampler = task.sampler.up_to(task.spp)
-    batch = in_one_pass(task.scene, sampler, task.spp, dims)
+    batch, together = in_one_pass(task.scene, sampler, task.spp, dims)
     count = devices.count(mesh)
-    sizes = _SIZES
-    if _is_long(task.scene):
-        sizes = (_LONG[task.width * task.height < 4 * _LONG[0]],)
+    backend = backends.current()
+    sizes = backend.listed
+    if task.long:
+        large, small = backend.listed_traced
+        sizes = (small if task.width * task.height < 4 * large else large,)
     with checks.precision(task.dtype):
         pair = devices.placed((task.scene, sampler), mesh)
         begun = []
         for part, padded in _parts(pixels, tuple(size * count for size in sizes)):
             size = len(padded) // count
-            how = _accumulation.How(size, task.width, task.height, batch, dims, task.dtype, mesh)
+            whole = together > 1 and batch * together == task.spp
+            how = _accumulation.How(
+                size, task.width, task.height, batch, together, whole, dims, task.dtype, mesh
+            )
             arguments = devices.placed((padded.reshape(count, size), np.uint32(task.spp)), mesh)
             made = _accumulation.means(pair, *arguments, how, False)
             begun.append((part, devices.local(made, mesh)))
@@ -163,7 +160,9 @@ def flat(image: NDArray) -> NDArray:
 
 
 def result(task: Task, image: NDArray, counts: NDArray[np.uint32]) -> AdaptiveImage:
-    """Return the image with its sample counts and savings."""
+    """Return the image with its sample counts and savings, unless a value is not finite."""
+    if not np.isfinite(image).all():
+        refuse(task, image)
     every = task.width * task.height * task.spp
     with checks.precision(task.dtype):
         return AdaptiveImage(jnp.asarray(image), counts, 1 - int(counts.sum(dtype=np.uint64)) / every)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -103,12 +104,22 @@ def estimated_reference(
             if progress is not None:
                 progress((number + part) / REPLICATES)
 
-        inside = None if saved is None else checkpoints.Part(saved, "replicate", images=np.array(images))
+        kept = None if saved is None else np.array(images, np.float64)
+        inside = None if saved is None else checkpoints.Part(saved, "replicate", images=kept)
         image = rendered(tasks[number], mesh, None if progress is None else report, inside)
-        images.append(np.asarray(image, np.float64))
+        images.append(image)
         if saved is not None and (saved.due(last=len(images) == REPLICATES)):
-            saved.write(images=np.array(images))
-    image = np.mean(images, axis=0)
-    error = float(np.std(images, axis=0, ddof=1).max()) / np.sqrt(REPLICATES)
-    rounding = 4 * float(jnp.finfo(dtype).eps) * float(abs(image).max())
-    return image, float(_DEVIATIONS * error + rounding)
+            saved.write(images=np.array(images, np.float64))
+    with jax.enable_x64(True):
+        image, deviation, largest = _moments(images)
+    error = float(deviation) / np.sqrt(REPLICATES)
+    rounding = 4 * float(jnp.finfo(dtype).eps) * float(largest)
+    return np.asarray(image), float(_DEVIATIONS * error + rounding)
+
+
+@jax.jit
+def _moments(images: list[Array]) -> tuple[Array, Array, Array]:
+    """Return the mean of images in float64, their largest standard deviation, and the largest mean."""
+    stack = jnp.stack([image.astype(jnp.float64) for image in images])
+    mean = jnp.mean(stack, axis=0)
+    return mean, jnp.std(stack, axis=0, ddof=1).max(), abs(mean).max()

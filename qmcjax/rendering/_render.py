@@ -13,16 +13,10 @@ from jax.core import Tracer
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
-
-_CALL = 2**26
-"""Samples per call of the compiled program: progress is reported between calls."""
-
-_PIXELS = 2**22
-"""Pixels per call; their sums are held in memory."""
 
 
 def render(
@@ -97,15 +91,18 @@ def rendered(
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
+    traced, backend = task.traced, backends.current()
     with checks.precision(dtype):
         # Values are added pairwise before the compensated sum: memory traffic dominates.
-        batch = in_one_pass(scene, sampler, spp, dims)
+        batch, together = in_one_pass(scene, sampler, spp, dims)
         pair = devices.placed((scene, sampler), mesh)
-        pixels, size = width * height, _accumulation.tile_size(width * height, mesh, task.traced)
-        at_a_time = pixels if task.traced else max(min(_PIXELS, _CALL // spp) // size, devices.count(mesh))
-        image, finished, state, samples = None, 0, None, 0
+        pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
+        most = min(backend.pixels, backend.samples // spp)
+        at_a_time = pixels if traced else max(most // size, devices.count(mesh))
+        image, finished, state, samples, channels = None, 0, None, 0, ()
         if saved is not None and saved.state:
             image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
+            channels = saved.state["image"].shape[1:]
             samples = int(saved.state["samples"])
             if samples:
                 state = jnp.asarray(saved.state["sum"]), jnp.asarray(saved.state["excess"])
@@ -113,25 +110,32 @@ def rendered(
             count = min(at_a_time, -(-(pixels - finished) // size))
             # Parts of a checkpoint may have another size, on other devices.
             count, of_tile = (count, size) if state is None else state[0].shape[:2]
-            how = _accumulation.How(of_tile, width, height, batch, dims, dtype, mesh)
+            whole = together > 1 and batch * together == spp
+            how = _accumulation.How(of_tile, width, height, batch, together, whole, dims, dtype, mesh)
             tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
             means = None
-            if state is None and (task.traced or count * size * spp <= _CALL):
+            if state is None and (traced or count * size * spp <= backend.samples):
                 arguments = devices.placed((tiles, np.uint32(spp)), mesh)
-                means = devices.local(_accumulation.means(pair, *arguments, how, task.traced), mesh)
+                means = devices.local(_accumulation.means(pair, *arguments, how, traced), mesh)
             else:
                 if state is None:
                     state = _accumulation.zeros(scene, (count, size), dtype)
-                more = min(spp - samples, max(_CALL // (count * of_tile * batch), 1) * batch)
-                arguments = tiles, state, np.uint32(samples // batch), np.uint32(more // batch)
+                blocks = max(backend.samples // (count * of_tile * how.block), 1)
+                more = min(spp - samples, blocks * how.block)
+                arguments = tiles, state, np.uint32(samples // how.block), np.uint32(more // how.block)
                 arguments = devices.placed(arguments, mesh)
                 state = devices.local(_accumulation.accumulate(pair, *arguments, how), mesh)
                 samples += more
                 if samples == spp:
                     means, state, samples = _accumulation.mean(state, np.uint32(spp)), None, 0
-            if means is not None:
-                part = means.reshape(-1, *means.shape[2:])[: pixels - finished]
+            if means is not None and saved is None and means.shape[0] * means.shape[1] == pixels:
+                # Not reshaped here: each operation outside of a program takes its time.
+                image, finished, channels = means, pixels, means.shape[2:]
+            elif means is not None:
+                part = means.reshape(-1, *means.shape[2:])
+                part = part if len(part) <= pixels - finished else part[: pixels - finished]
                 image, finished = _with_part(image, part, finished, pixels)
+                channels = part.shape[1:]
             if saved is not None:
                 jax.block_until_ready((image, state))
                 if saved.due(last=finished == pixels):
@@ -145,7 +149,7 @@ def rendered(
                 jax.block_until_ready((image, state))
                 progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
         assert image is not None
-        image, finite = (_shaped if task.traced else _in_place)(image, width, height)
+        image, finite = (_shaped if traced else _in_place)(image, (height, width, *channels), backend.caches)
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
     return image
@@ -168,17 +172,20 @@ def _written(image: Array, part: Array, begin: Array) -> Array:
     return jax.lax.dynamic_update_slice_in_dim(image, part, begin, 0)
 
 
-def _shaped(image: Array, width: int, height: int) -> tuple[Array, Array]:
+def _shaped(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
     """Return the pixels as an image, and whether all are finite."""
-    return image.reshape(height, width, *image.shape[1:]), jnp.isfinite(image).all()
+    del by_rows
+    return image.reshape(shape), jnp.isfinite(image).all()
 
 
 @partial(jax.jit, static_argnums=(1, 2), donate_argnums=0)
-def _in_place(image: Array, width: int, height: int) -> tuple[Array, Array]:
-    """Do the same in place: row by row, or XLA would allocate one byte per pixel."""
-    image = image.reshape(height, width, *image.shape[1:])
+def _in_place(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
+    """Do the same in place: on processors row by row, or XLA would allocate one byte per pixel."""
+    if not by_rows:
+        return _shaped(image, shape, by_rows)
+    image = image.reshape(shape)
 
     def of_row(row: Array, finite: Array) -> Array:
         return finite & jnp.isfinite(image[row]).all()
 
-    return image, jax.lax.fori_loop(np.uint32(0), np.uint32(height), of_row, jnp.bool_(True))
+    return image, jax.lax.fori_loop(np.uint32(0), np.uint32(shape[0]), of_row, jnp.bool_(True))

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
-import numpy as np
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
@@ -12,7 +11,7 @@ from qmcjax._pilot import check_passes
 from qmcjax.core import checks, devices
 from qmcjax.rendering._adaptive import AdaptiveImage, skipping
 from qmcjax.rendering._stopping import until
-from qmcjax.rendering._task import Task, check_progress, refuse, task
+from qmcjax.rendering._task import Task, check_progress, task
 
 
 def render_adaptive(
@@ -92,12 +91,8 @@ def render_adaptive(
     mesh = devices.checked(mesh)
     report = progress or (lambda part: None)
     if tolerance is None:
-        result = skipping(wanted, mesh, report)
-    else:
-        result = until(wanted, tolerance, unbiased, mesh, report)
-    if not np.isfinite(result.image).all():
-        refuse(wanted, result.image)
-    return result
+        return skipping(wanted, mesh, report)
+    return until(wanted, tolerance, unbiased, mesh, report)
 
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:

@@ -9,7 +9,7 @@ from jax import Array
 from jax.sharding import Mesh
 from numpy.typing import NDArray
 
-from qmcjax.core import checkpoints, checks
+from qmcjax.core import backends, checkpoints, checks
 from qmcjax.core.pytrees import is_traced
 from qmcjax.rendering import _accumulation
 from qmcjax.samplers import as_sampler
@@ -33,6 +33,11 @@ class Task(NamedTuple):
     def traced(self) -> bool:
         return is_traced((self.scene, self.sampler))
 
+    @property
+    def long(self) -> bool:
+        """Whether compiling the scene takes longer than many samples, as for ray-traced scenes."""
+        return getattr(self.scene, "unrolled", 0) == 1
+
 
 def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any) -> Task:
     scene = as_scene("scene", scene)
@@ -49,9 +54,18 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
     return Task(scene, sampler, width, height, spp, dtype)
 
 
-def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> int:
-    """Return how many samples of a pixel a program evaluates together: a divisor of ``spp``."""
-    return math.gcd(spp, sampler.unrolled(dims), getattr(scene, "unrolled", 0))
+def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> tuple[int, int]:
+    """Return how many samples of a pixel a thread evaluates, and how many such batches lie along an axis.
+
+    Their product divides ``spp``.
+    """
+    backend = backends.current()
+    if backend.coordinates is None:
+        unrolled = sampler.unrolled(dims)
+    else:
+        unrolled = 1 << (max(backend.coordinates // len(dims), 1).bit_length() - 1)
+    batch = math.gcd(spp, unrolled, getattr(scene, "unrolled", 0))
+    return batch, max(k for k in range(1, backend.together + 1) if spp // batch % k == 0)
 
 
 def refuse(task: Task, image: Array | NDArray) -> None:

@@ -91,7 +91,7 @@ def test_passes_go_on(tmp_path, dtype):
 @pytest.fixture
 def small_calls(monkeypatch):
     """Split an image into several calls, however small it is."""
-    monkeypatch.setattr("qmcjax.rendering._render._CALL", SIDE * SIDE)
+    tables.sizes(monkeypatch, samples=SIDE * SIDE)
 
 
 @pytest.mark.parametrize("compute", [image, reference])
@@ -175,11 +175,10 @@ RUN = """
 import sys
 import time
 import numpy as np
-from qmcjax.core import checkpoints
-from qmcjax.rendering import _render
+from qmcjax.core import backends, checkpoints
 from test_long_runs import SAMPLES, SIDE, image
 checkpoints.EVERY, checkpoints.SHARE = 0.0, float("inf")
-_render._CALL = SIDE * SIDE
+backends.BY_PLATFORM["cpu"] = backends.CPU._replace(samples=SIDE * SIDE)
 path, most = sys.argv[1], int(sys.argv[2])
 reports = []
 def progress(part):

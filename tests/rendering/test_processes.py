@@ -36,9 +36,9 @@ jax.distributed.shutdown()
 """
 
 KEEP = """
-from qmcjax.core import checkpoints
-from qmcjax.rendering import _render
-checkpoints.EVERY, checkpoints.SHARE, _render._CALL = 0.0, float("inf"), 2**14
+from qmcjax.core import backends, checkpoints
+checkpoints.EVERY, checkpoints.SHARE = 0.0, float("inf")
+backends.BY_PLATFORM["cpu"] = backends.CPU._replace(samples=2**14)
 test_processes.kept(mesh, paths[0], lambda part: print("part", part, flush=True))
 """
 

@@ -8,13 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tables
 from refusals import refused
 from tables import SAMPLERS, SIDE, SPP, first, some
 
 import qmcjax as qj
 from figures.shared.peak_memory import peak_of
 from qmcjax import orders, samplers, scenes, sequences
-from qmcjax.rendering import _render, _task
+from qmcjax.rendering import _task
 
 
 @jax.tree_util.register_dataclass
@@ -97,11 +98,9 @@ def test_float64_on_request():
 
 
 def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
-    from importlib import import_module
-
     scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
     whole = qj.render(scene, sampler, 16, 16, 48)
-    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 32)
+    tables.sizes(monkeypatch, samples=16 * 16 * 32)
     split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
     assert parts == [32 / 48, 1.0], "the second call has half as many samples"
     assert np.array_equal(whole, split)
@@ -222,12 +221,10 @@ def test_only_derivatives_that_are_wanted_are_taken():
 
 @pytest.mark.slow
 def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
-    from importlib import import_module
-
     sampler = samplers.independent(sequences.sobol(2), key=0)
     slope = jax.grad(lambda f: (qj.render(qj.scenes.zone_plate(f), sampler, 16, 16, 48) ** 2).sum())
     whole = slope(jnp.float32(20))
-    monkeypatch.setattr(import_module("qmcjax.rendering._render"), "_CALL", 16 * 16 * 16)
+    tables.sizes(monkeypatch, samples=16 * 16 * 16)
     assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
@@ -295,7 +292,7 @@ def test_the_first_value_that_is_not_finite_is_named(monkeypatch):
 @pytest.mark.slow
 def test_a_large_image_is_kept_once(monkeypatch):
     """However many parts it is made of."""
-    monkeypatch.setattr(_render, "_CALL", 2**16)
+    tables.sizes(monkeypatch, samples=2**16)
     sampler = samplers.z(4096, 4096, 1, 1)
 
     def make(scene):

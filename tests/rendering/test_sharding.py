@@ -17,7 +17,6 @@ from tables import some
 import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
-from qmcjax.rendering import _accumulation
 
 SIDE, SPP = 8, 4
 SOBOL = sequences.sobol(2)
@@ -229,7 +228,7 @@ def test_a_mesh_of_three_or_eight_changes_no_bit():
 def test_tiles_of_any_size_change_no_bit(monkeypatch):
     plain = SPREAD["render"](mesh=None)
     for size in (1, 7, 64, 1000):
-        monkeypatch.setitem(_accumulation.TILE, "cpu", size)
+        tables.sizes(monkeypatch, lanes=size)
         np.testing.assert_array_equal(SPREAD["render"](mesh=None), plain)
 
 

@@ -97,7 +97,7 @@ def integer_operations(scene):
     sampler = along(width, height, 4)
     state = _accumulation.zeros(scene, (1, width * height), jnp.float32)
     none = jnp.uint32(0)
-    how = _accumulation.How(width * height, width, height, 2, dims, np.dtype(np.float32), None)
+    how = _accumulation.How(width * height, width, height, 2, 1, False, dims, np.dtype(np.float32), None)
     lowered = _accumulation.accumulate.lower((scene, sampler), none[None], state, none, none, how)
     lines = [re.sub(r"[%@]\w+(#\d)?", "%", line).strip() for line in lowered.as_text().splitlines()]
     return [line for line in lines if "ui32" in line and line.startswith("% =") and "while" not in line]

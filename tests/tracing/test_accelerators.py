@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import tables
 from jax.core import Tracer
 from jax.sharding import AxisType
 from tables import KINDS, ORDERS, SAMPLERS, SEQUENCES, few, slow
@@ -18,7 +19,7 @@ from tables import KINDS, ORDERS, SAMPLERS, SEQUENCES, few, slow
 import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences, tracing
-from qmcjax.core import pytrees
+from qmcjax.core import backends, pytrees
 
 PLATFORMS = ("cuda", "rocm", "tpu")
 
@@ -175,7 +176,7 @@ def test_derivatives_of_scenes(name):
 @pytest.fixture
 def accelerator(monkeypatch):
     """Let programs be traced as where the default device is no processor: without Numba's loops and tiles."""
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    tables.sizes(monkeypatch, backends.GPU)
 
 
 def fan(count):
@@ -236,7 +237,7 @@ def test_numba_is_left_out_where_the_default_device_is_no_processor(monkeypatch)
     scene = tracing.direct_light(world, CAMERA)
     with pytest.raises((ValueError, NotImplementedError), match="callback"):
         lowered(image, scene)
-    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    tables.sizes(monkeypatch, backends.GPU)
     check(lowered(image, scene), HIT)
 
 

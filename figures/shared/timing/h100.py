@@ -22,7 +22,7 @@ class Device(NamedTuple):
     """Of its multiprocessors, in 1/s."""
     multiprocessors: int
     rates: dict[str, int]
-    """Operations a clock of one multiprocessor, by kinds, and ``issue``: of all kinds together."""
+    """Operations per clock of one multiprocessor, by kinds, and ``issue``: of all kinds together."""
 
     def seconds(self, counts: Operations) -> dict[str, float]:
         """Return how long each part of it is busy, at least: the largest is a bound of the time."""
@@ -42,13 +42,14 @@ H100 = Device(
     3.35e12,
     1.98e9,
     132,
-    {"float32": 128, "float64": 64, "integer": 64, "special": 16, "issue": 128},
+    {"float32": 256, "float64": 128, "integer": 256, "special": 16, "issue": 256},
 )
-"""Memory: NVIDIA H100 Tensor Core GPU Datasheet, 3.35 TB/s; 132 multiprocessors with 128 units for float32,
-64 for float64 and 64 for integers each (NVIDIA H100 Tensor Core GPU Architecture, 2022, Table 3), at 1.98
-GHz: as NVIDIA counts, with multiplication and addition in one instruction, 67 TFLOP/s. Results a clock:
-NVIDIA CUDA C++ Best Practices Guide, "Throughput of Native Arithmetic Instructions", compute capability
-9.0. Four warps of 32 threads are issued a clock."""
+"""Memory: NVIDIA H100 Tensor Core GPU Datasheet, 3.35 TB/s; 132 multiprocessors at 1.98 GHz (NVIDIA H100
+Tensor Core GPU Architecture, 2022, Table 3). Instructions per clock: NVIDIA CUDA C++ Programming Guide,
+"Throughput of Native Arithmetic Instructions", compute capability 9.0; four warps of 32 threads are issued
+per clock. An instruction does up to two operations: a multiplication and an addition, of floats (67 TFLOP/s,
+as NVIDIA counts) or of integers; two logical operations; a shift and an addition. Integer instructions run
+on the 64 units for integers and, as multiplications and additions, on 64 others."""
 
 
 class Program(NamedTuple):

@@ -8,10 +8,10 @@ compiled loops (:mod:`qmcjax.tracing._search.compiled_world`). All find the same
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 
-import jax
 import jax.numpy as jnp
 from jax import Array
 
+from qmcjax.core import backends
 from qmcjax.tracing._search import compiled_world
 from qmcjax.tracing._search.loops import by_program
 from qmcjax.tracing._shapes.object import Frame
@@ -55,7 +55,7 @@ def search(
 
 def _fastest(world: World) -> tuple[World, Intersector]:
     """Return the search method, and the world with the trees that are worth it there."""
-    if jax.default_backend() != "cpu":
+    if not backends.current().caches:
         return world, by_program
     known = all(type(shape) in compiled_world.KINDS for shape, _ in world.batches())
     if known and world.count > _FEW and find_spec("numba") is not None:

@@ -6,6 +6,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from qmcjax.core import backends
+
 _FEW = 64
 """Up to so many rays, overhead dominates."""
 
@@ -16,7 +18,7 @@ def by_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
     Other devices than processors do not profit from tiles: they get all rays at once.
     """
     count = jax.tree.leaves(rays)[0].shape[0]
-    if count <= _FEW or jax.default_backend() != "cpu":
+    if count <= _FEW or not backends.current().caches:
         return function(rays)
     # XLA unrolls a loop of one iteration and fuses its inputs into each use: measured, rays take three
     # to four times as long.

@@ -10,6 +10,7 @@ from jax import Array
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+from qmcjax.core import backends
 from qmcjax.core.parameters import cast, floats, numbers, require, together
 from qmcjax.core.pytrees import frozen_pytree
 
@@ -63,7 +64,7 @@ def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
     XLA on processors computes them anew for each number that depends on them, 20 times for a motion, except
     where they come from a branch.
     """
-    if jax.default_backend() != "cpu":
+    if not backends.current().caches:
         return _functions(angle)
     return jax.lax.cond(jnp.any(jnp.isfinite(angle)), _functions, _none, angle)
 

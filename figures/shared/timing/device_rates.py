@@ -1,8 +1,9 @@
-"""What a GPU makes of our programs: ``qmcjax gpu``."""
+"""Rates on a GPU beside this machine's processor and the bound of an H100, and differences of bits.
 
-import contextlib
-import sys
-from collections.abc import Callable, Sequence
+In a process of its own, which sees all devices.
+"""
+
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -10,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from figures._options import command
 from figures.shared.timing.h100 import H100, Program, programs
 from figures.shared.timing.operations import operations
 from figures.shared.turns import typical
@@ -21,7 +21,7 @@ FAST = (2**25, 2048, 64)
 SLOW = (2**22, 512, 64)
 """The same where a processor is timed, and where both must agree."""
 
-LEAST = 0.5
+LEAST = {"draft": 0.05, "paper": 0.5}
 """Seconds that a program is timed for."""
 
 AT_ONCE = 8
@@ -29,9 +29,6 @@ AT_ONCE = 8
 
 NUMBERS = 2**20
 """Numbers that each operation is tried with."""
-
-MOST = 1
-"""Units in the last place by which two processors may differ in one operation."""
 
 Operation = tuple[Callable[..., Any], tuple[str, ...]]
 """A function, and what its arguments are drawn from."""
@@ -71,78 +68,55 @@ OPERATIONS: dict[str, Operation] = {
 class Row(NamedTuple):
     """What was found about a program."""
 
-    name: str
     rate: float
-    """Samples a second on the device."""
+    """Samples per second on the device."""
     bound: float
-    """What an H100 could make of it, at most."""
-    other: float
-    """Samples a second on the processor."""
+    """What an H100 can reach at most."""
+    processor: float
+    """Samples per second on the processor."""
     ulps: int
-    """By how many units in the last place both differ, at most."""
+    """Largest difference between both in units in the last place."""
     exact: bool
-    """Whether they must not."""
+    """Whether there must be none: points are made of integers until the last step."""
 
 
-def main(argv: Sequence[str]) -> int:
-    """Measure a GPU; return 1 if there is none, or if it computes something else than the processor."""
-    command(
-        "gpu",
-        "Samples a second on a GPU, against the most that an H100 could make, this machine's "
-        "processor and torch's SobolEngine; and whether the GPU computes the same as the processor.",
-    ).parse_args(argv)
+def measured(quality: str) -> dict[str, Any]:
+    """Return the rates of programs and differences of operations, both by name; nothing without a GPU."""
     found = [device for device in jax.devices() if device.platform != "cpu"]
     if not found:
-        print(
-            f"no GPU: JAX {jax.__version__} sees only {jax.devices()[0].device_kind} devices here. Nothing "
-            "was measured (pip install 'jax[cuda12]' for one of NVIDIA's).",
-            file=sys.stderr,
-        )
-        return 1
+        return {}
     device, cpu = found[0], jax.devices("cpu")[0]
-    print(f"{device.device_kind}, against {H100.name}'s bound and this machine's processor")
-    print(f"{'':30}{'samples/s':>10}{'bound':>10}{'part':>7}{'CPU':>10}{'times':>8}  bits")
-    same = True
-    for name in programs(*SLOW):
-        row = compared(name, device, cpu, FAST, SLOW)
-        print(_line(row), flush=True)
-        # A value of a scene that rounds to the other side of an edge is another one.
-        same &= row.ulps == 0 or not row.exact
-    for title, rate in torch_rates(FAST[0], str(device.platform)).items():
-        print(f"{title:30}{rate:10.2e}")
-    off = {name: differing(name, device, cpu) for name in OPERATIONS}
-    print("units in the last place between both, of one operation:")
-    print("  " + ", ".join(f"{name} {ulps}" for name, ulps in off.items()))
-    beyond = [name for name, ulps in off.items() if ulps > MOST]
-    if beyond:
-        print(f"more than {MOST}: {', '.join(beyond)}", file=sys.stderr)
-    if not same:
-        print("points differ from those of the processor", file=sys.stderr)
-    return 0 if same and not beyond else 1
-
-
-def _line(row: Row) -> str:
-    bits = "the same" if not row.ulps else f"off by up to {row.ulps} ulp"
-    part, times = row.rate / row.bound, row.rate / row.other
-    return f"{row.name:30}{row.rate:10.2e}{row.bound:10.2e}{part:7.1%}{row.other:10.2e}{times:8.0f}  {bits}"
+    return {
+        "device": device.device_kind,
+        "programs": {
+            name: compared(name, device, cpu, FAST, SLOW, LEAST[quality])._asdict()
+            for name in programs(*SLOW)
+        },
+        "units in the last place of one operation": {
+            name: differing(name, device, cpu) for name in OPERATIONS
+        },
+    }
 
 
 Sizes = tuple[int, int, int]
 
 
-def compared(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes) -> Row:
+def compared(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least: float) -> Row:
     """Time a program on two devices, and compare what they make of the same arguments."""
-    rate, _ = _measured(name, device, fast)
-    _, here = _measured(name, device, slow)
-    other_rate, there = _measured(name, other, slow)
+    rate, _ = _measured(name, device, fast, least)
+    _, here = _measured(name, device, slow, least)
+    other_rate, there = _measured(name, other, slow, least)
     with jax.default_device(other):
         program = programs(*slow)[name]()
-        busy = H100.seconds(operations(program.compiled()))
-    bound = program.samples / max(busy.values())
-    return Row(name, rate, bound, other_rate, ulps(here, there), program.exact)
+        compiled = program.compiled()
+        # What a program moves within itself may stay in a cache.
+        memory = compiled.memory_analysis()
+        moved = memory.argument_size_in_bytes + memory.output_size_in_bytes
+        busy = H100.seconds(operations(compiled)._replace(bytes=moved))
+    return Row(rate, program.samples / max(busy.values()), other_rate, ulps(here, there), program.exact)
 
 
-def _measured(name: str, device: Any, sizes: Sizes) -> tuple[float, NDArray]:
+def _measured(name: str, device: Any, sizes: Sizes, least: float) -> tuple[float, NDArray]:
     """Return samples a second, and those of the first call."""
     with jax.default_device(device):
         program: Program = programs(*sizes)[name]()
@@ -155,13 +129,13 @@ def _measured(name: str, device: Any, sizes: Sizes) -> tuple[float, NDArray]:
             made = [run(jnp.uint32((turn * AT_ONCE + k) * 2), *arguments) for k in range(AT_ONCE)]
             jax.block_until_ready(made)
 
-        return AT_ONCE * program.samples / seconds(calls), first
+        return AT_ONCE * program.samples / seconds(calls, least), first
 
 
-def seconds(call: Callable[[int], object]) -> float:
+def seconds(call: Callable[[int], object], least: float) -> float:
     """Return the median time of a call, over at least three and so many seconds, after one."""
     call(0)
-    return typical(lambda turn: call(1 + turn), 3, LEAST)
+    return typical(lambda turn: call(1 + turn), 3, least)
 
 
 def ulps(one: NDArray, other: NDArray) -> int:
@@ -196,23 +170,3 @@ def _drawn(rng: np.random.Generator, kind: str) -> NDArray:
     size = np.exp2(rng.uniform(-30, 30, NUMBERS))
     sign = 1 if kind == "positive" else rng.choice([-1, 1], NUMBERS)
     return (sign * size).astype(np.float32)
-
-
-def torch_rates(n: int, device: str) -> dict[str, float]:
-    """Return points a second of torch's Sobol' engine, which draws on the processor, if it is installed."""
-    rates = {}
-    with contextlib.suppress(ImportError):
-        import torch  # pyright: ignore[reportMissingImports]
-
-        for title, scramble in (("torch, Sobol', 2-D", False), ("torch, Sobol', 2-D, linear", True)):
-            engine = torch.quasirandom.SobolEngine(2, scramble=scramble, seed=1)
-            engine.draw(n)
-            rates[title] = n / seconds(lambda _, engine=engine: engine.draw(n) and None)
-            if device == "gpu" and torch.cuda.is_available():
-
-                def moved(_: int, engine: Any = engine) -> None:
-                    engine.draw(n).to("cuda")
-                    torch.cuda.synchronize()
-
-                rates[f"{title}, on the GPU"] = n / seconds(moved)
-    return rates

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from numpy.typing import NDArray
@@ -19,13 +20,23 @@ _SAMPLES = 64
 _FAR = 2.7
 """Uniform numbers have a Kolmogorov-Smirnov statistic above _FAR / sqrt(n) once in a million sets."""
 
+_UNSEEN = 14
+"""Of m equally likely values, n = m (log m + _UNSEEN) draws miss one once in a million sets."""
+
+_ROUNDING = 1e-6
+
+_ALONE = 16
+"""Coordinates that are requested alone, at most."""
+
 
 def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
     """Return the rules for samplers that a sampler breaks.
 
-    Its points must have the requested shape and dtype, be in [0, 1), and be the same at each call, alone or
-    with other samples, also under ``jax.jit``, whichever other coordinates are requested; those of a pixel
-    must differ from each other, and all points together must be uniform in each coordinate.
+    Its points must have the requested shape and dtype, float32 or float64, be in [0, 1), and be the same at
+    each call, alone or with other samples, also under ``jax.jit``, whichever other coordinates are requested,
+    one alone too; those of a pixel must differ from each other, and all points together must be uniform in
+    each coordinate. A coordinate may take few values, as masks and grids of samples do: then there must be
+    one in each of as many equal intervals, all equally frequent.
 
     Parameters
     ----------
@@ -39,6 +50,15 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
         A sentence for each broken promise, empty if all are kept. If a call fails, promises that depend on it
         are not tested.
 
+    Notes
+    -----
+    Uniformity is tested at a level of 1e-6 over pixels, each distinct set of samples of a pixel counted as
+    one draw, or over distinct values, whichever are more. What is no promise is not tested: coordinates that
+    depend on each other, pixels that share points, samples that are uniform only together, a quality below
+    that of independent points, a bias below 2.7 standard deviations of so many draws or below the spacing of
+    values, keys that change nothing, pixels and samples beyond those tested. A tile of few pixels, moved from
+    place to place, has fewer independent draws than are counted, and may be named by chance.
+
     Examples
     --------
     >>> import jax.numpy as jnp
@@ -51,6 +71,8 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
     ...     print(sentence)
     coordinate 0 of pixel (0, 0), sample 0, is 1.0: coordinates are in [0, 1)
     samples 0 and 1 of pixel (0, 0) are the same point
+    coordinate 0 is not uniform: it is 1 in all points
+    coordinate 1 is not uniform: it is 1 in all points
     """
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)
@@ -67,8 +89,10 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
     dims = tuple(range(sampler.dims))
     y, x, sample = np.indices((min(height, _SIDE), min(width, _SIDE), min(spp, _SAMPLES)), np.uint32)
 
-    def asked(x: Any, y: Any, sample: Any, dims: tuple[int, ...] = dims, sampler: Any = sampler) -> Array:
-        return sampler(x, y, sample, dims)
+    def asked(
+        x: Any, y: Any, sample: Any, dims: Any = dims, sampler: Any = sampler, dtype: Any = jnp.float32
+    ) -> Array:
+        return sampler(x, y, sample, dims, dtype)
 
     points, why = _tried(lambda: asked(x, y, sample))
     if points is None:
@@ -93,9 +117,10 @@ def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str
     turned = dims[::-1]
     if len(dims) > 1:
         yield from _same(points[..., turned], f"coordinates {turned}", lambda: asked(x, y, sample, turned))
-        yield from _same(
-            points[..., -1:], "the last coordinate alone", lambda: asked(x, y, sample, dims[-1:])
-        )
+        for j in sorted({*dims[:: -(-len(dims) // _ALONE)], dims[-1]}):
+            alone = f"coordinate {j} alone"
+            yield from _same(points[..., j : j + 1], alone, lambda j=j: asked(x, y, sample, (j,)))
+    yield from _same(points, "dtype=float64", lambda: asked(x, y, sample, dtype=jnp.float64))
     if finite:
         yield from _repeats(points)
         yield from _uniform(points)
@@ -118,7 +143,9 @@ def _same(points: NDArray, what: str, call: Callable[[], Any]) -> Iterator[str]:
     others, why = _tried(call)
     if others is None:
         yield f"{what} fails: {why}"
-    elif others.shape != points.shape or not np.allclose(others, points, rtol=0, atol=1e-6, equal_nan=True):
+    elif others.shape != points.shape or not np.allclose(
+        others, points, rtol=0, atol=_ROUNDING, equal_nan=True
+    ):
         yield f"{what} gives other points"
 
 
@@ -148,9 +175,25 @@ def _repeats(points: NDArray) -> Iterator[str]:
 
 def _uniform(points: NDArray) -> Iterator[str]:
     for j in range(points.shape[-1]):
-        # Points that many pixels share count once.
-        values = np.unique(points[..., j])
-        n = len(values)
-        statistic = max(np.max(np.arange(1, n + 1) / n - values), np.max(values - np.arange(n) / n))
-        if n > 1 and statistic > _FAR / np.sqrt(n) + 1 / n:
-            yield f"coordinate {j} is not uniform: its distribution is {statistic:.3f} off"
+        why = _not_uniform(points[..., j].reshape(-1, points.shape[2]).astype(np.float64))
+        if why:
+            yield f"coordinate {j} is not uniform: {why}"
+
+
+def _not_uniform(coordinate: NDArray[np.float64]) -> str:
+    """Return why the values of a coordinate, shape (pixels, samples), are not uniform, or nothing."""
+    sets = np.unique(coordinate, axis=0)  # Pixels that have the same points count once.
+    values, counts = np.unique(sets, return_counts=True)
+    m, low, high = len(values), values[0], values[-1]
+    if m == 1:
+        return "" if coordinate.size == 1 else f"it is {low:g} in all points"
+    below = np.concatenate([[0], np.cumsum(counts) / counts.sum()])
+    k = np.arange(m + 1)
+    if len(sets) >= m * (np.log(m) + _UNSEEN):
+        if (values < k[:-1] / m - _ROUNDING).any() or (values > k[1:] / m + _ROUNDING).any():
+            return f"it has only {m} values, from {low:.6g} to {high:.6g}, not one in each interval of 1/{m}"
+        off = np.max(np.abs(below - k / m))
+        return f"its {m} values are not equally frequent" if off > _FAR / np.sqrt(len(sets)) else ""
+    off = max(np.max(below[1:] - values), np.max(values - below[:-1]))
+    draws = max(len(sets), counts.sum() ** 2 / np.square(counts).sum())
+    return f"its distribution is {off:.3f} off" if off > _FAR / np.sqrt(draws) + 1 / m else ""

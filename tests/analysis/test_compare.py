@@ -4,18 +4,28 @@ import re
 from dataclasses import dataclass
 from itertools import count
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table
+from tables import SAMPLERS, Table, few
 
 import analysis
 import qmcjax as qj
 from analysis._comparing.convergence import timed
+from analysis._comparing.promises import _not_uniform
 from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.core import checks
+from qmcjax.core.bits import hash_word, to_unit
+from qmcjax.samplers.turned_tiles import stratified
 
 SIDE, SPP = 32, 16
+
+
+def in_type(points, dtype):
+    with checks.precision(dtype):
+        return points.astype(dtype)
 
 
 class Plug:
@@ -25,7 +35,7 @@ class Plug:
         self.made = points
 
     def __call__(self, x, y, sample, dims, dtype):
-        return self.made(x, y, sample)[..., list(dims)].astype(dtype)
+        return in_type(self.made(x, y, sample)[..., list(dims)], dtype)
 
 
 def good(x, y, sample):
@@ -40,7 +50,7 @@ class ByPlace:
     dims = 2
 
     def __call__(self, x, y, sample, dims, dtype):
-        return good(x, y, sample)[..., : len(dims)].astype(dtype)
+        return in_type(good(x, y, sample)[..., : len(dims)], dtype)
 
 
 @qj.pytree
@@ -52,35 +62,164 @@ class Keyed:
     dims = 2
 
     def __call__(self, x, y, sample, dims, dtype):
-        return good(x, y, sample ^ np.uint32(self.key))[..., list(dims)].astype(dtype)
+        return in_type(good(x, y, sample ^ np.uint32(self.key))[..., list(dims)], dtype)
+
+
+class Typed(Plug):
+    """Made of a function of the requested coordinates and dtype, too."""
+
+    def __call__(self, x, y, sample, dims, dtype):
+        return self.made(x, y, sample, dims, dtype)
+
+
+class Three(Typed):
+    dims = 3
+
+
+class Refusing(Plug):
+    def check(self, width, height, spp):
+        raise ValueError("spp must be 7")
 
 
 CALLS = count()
+RANDOM = np.random.default_rng(1)
 
 
 def shifted(x, y, sample):
     return (good(x, y, sample) + (0.25 if x.ndim else 0)) % 1
 
 
+def rough(x, y, sample):
+    number = (y * np.uint32(SIDE) + x) * np.uint32(SPP) + sample
+    return jnp.stack([to_unit(hash_word(number ^ np.uint32(seed))) for seed in (1, 2**20)], axis=-1)
+
+
+def first_as(change, j=0):
+    """Return a sampler of random points with one coordinate changed."""
+    return Plug(lambda x, y, s: rough(x, y, s).at[..., j].set(change(rough(x, y, s)[..., j])))
+
+
+def alone(wrong, kind=Typed):
+    """Return a sampler that gives other points if just these coordinates are requested."""
+
+    def points(x, y, sample, dims, dtype):
+        made = jnp.concatenate([good(x, y, sample), good(y, x, sample)], axis=-1)[..., list(dims)]
+        return in_type((made + 0.5) % 1 if dims == wrong else made, dtype)
+
+    return kind(points)
+
+
+def in_all_types(change):
+    return Typed(lambda x, y, s, dims, dtype: change(good(x, y, s)[..., list(dims)], dtype))
+
+
+def traced(x, y, sample):
+    return good(x, y, sample) / (2 if isinstance(sample, jax.core.Tracer) else 1)
+
+
+def in_order(x, y, sample):
+    place = np.arange(sample.size, dtype=np.float32).reshape(sample.shape)
+    return (good(x, y, sample) + place[..., None] / 999) % 1
+
+
 BREAKS = {
     "range": (Plug(lambda x, y, s: good(x, y, s) * 1.01), r"coordinate \d of pixel .* are in \[0, 1\)"),
+    "negative": (Plug(lambda x, y, s: good(x, y, s) - 0.01), r"coordinate \d of pixel .* is -0.0"),
+    "one": (Plug(lambda x, y, s: jnp.where((s == 5)[..., None], 1, good(x, y, s))), "is 1.0: coordinates"),
     "nan": (Plug(lambda x, y, s: jnp.where((s == 3)[..., None], jnp.nan, good(x, y, s))), "sample 3, is nan"),
+    "infinite": (first_as(lambda u: jnp.where(u < 0.1, jnp.inf, u)), "is inf: coordinates"),
     "repeats": (Plug(lambda x, y, s: good(x, y, s // 2)), "samples 0 and 1 of pixel .* are the same point"),
-    "uniform": (Plug(lambda x, y, s: good(x, y, s) ** 2), "coordinate 0 is not uniform"),
+    "last repeats": (Plug(lambda x, y, s: good(x, y, jnp.minimum(s, 14))), "samples 14 and 15 of pixel"),
+    "one for each pixel": (Plug(lambda x, y, s: good(x, y, 0 * s)), "samples 0 and 1 of pixel"),
+    "uniform": (Plug(lambda x, y, s: good(x, y, s) ** 2), "coordinate 0 is not uniform: its dis.* 0.25. off"),
+    "second": (first_as(lambda u: u**1.2, 1), "coordinate 1 is not uniform"),
+    "low half": (first_as(lambda u: u / 2), "coordinate 0 is not uniform"),
+    "high half": (first_as(lambda u: (u + 1) / 2), "coordinate 0 is not uniform"),
+    "gap": (first_as(lambda u: jnp.where(abs(u - 0.5) < 0.1, 0.3, u)), "coordinate 0 is not uniform"),
+    "tent": (Plug(lambda x, y, s: (good(x, y, s) + good(y, x, s + 7)) / 2), "coordinate 1 is not uniform"),
+    "power": (first_as(lambda u: u**1.3), "coordinate 0 is not uniform"),
+    "coarse": (first_as(lambda u: jnp.floor(u**4 * 256) / 256), "0 is not uniform: its distribution is 0.4"),
+    "constant": (first_as(lambda u: 0 * u + 0.25), "coordinate 0 is not uniform: it is 0.25 in all points"),
+    "zero": (first_as(lambda u: 0 * u), "coordinate 0 is not uniform: it is 0 in all points"),
+    "two values": (first_as(lambda u: jnp.where(u < 0.5, 0.1, 0.2)), "has only 2 values, from 0.1 to 0.2"),
+    "rare": (first_as(lambda u: jnp.where(u < 0.1, 0.1, 0.6)), "its 2 values are not equally frequent"),
+    "eight values": (first_as(lambda u: jnp.floor(u**2 * 8) / 8), "its 8 values are not equally frequent"),
+    "ten values": (first_as(lambda u: jnp.floor(u * 10) / 20), "only 10 values, from 0 to 0.45"),
+    "three values": (first_as(lambda u: jnp.floor(u * 3) / 4), "not one in each interval of 1/3"),
     "state": (Plug(lambda x, y, s: good(x, y, s) / 2 + next(CALLS) / 99), "a second call gives other points"),
+    "random": (Plug(lambda x, y, s: jnp.asarray(RANDOM.random((*x.shape, 2), np.float32))), "a second call"),
+    "traced": (Plug(traced), "jax.jit gives other points"),
     "company": (Plug(shifted), "one sample, 0 of pixel .* gives other points"),
-    "dims": (ByPlace(), "gives other points"),
+    "place": (Plug(in_order), "one sample, .* gives other points"),
+    "dims": (ByPlace(), "coordinate 1 alone gives other points"),
+    "first alone": (alone((0,)), "coordinate 0 alone gives other points"),
+    "last alone": (alone((1,)), "coordinate 1 alone gives other points"),
+    "middle alone": (alone((1,), Three), "coordinate 1 alone gives other points"),
+    "turned": (alone((1, 0)), r"coordinates \(1, 0\) gives other points"),
+    "all dims": (Typed(lambda x, y, s, dims, dtype: good(x, y, s).astype(dtype)), "0 alone (gives|fails)"),
+    "float32": (
+        in_all_types(lambda points, dtype: points),
+        "dtype=float64 fails: .* dtype float64 .* got float32",
+    ),
+    "float16": (in_all_types(lambda points, dtype: points.astype(jnp.float16)), "float16"),
+    "other in float64": (
+        in_all_types(lambda points, dtype: in_type(points / (2 if dtype == jnp.float64 else 1), dtype)),
+        "dtype=float64 gives other points",
+    ),
+    "integers": (
+        Plug(lambda x, y, s: (4 * good(x, y, s)).astype(jnp.int32)),
+        "a call with arrays .* fails|int",
+    ),
     "scalars": (Plug(lambda x, y, s: jnp.full(2, float(x) / 99)), "a call with arrays .* fails: TypeError"),
     "key": (Keyed(1), "jax.jit fails: TracerArrayConversionError"),
     "shape": (Plug(lambda x, y, s: good(x, y, s)[..., None]), "a call with arrays .* fails"),
+    "arrays alone": (Plug(lambda x, y, s: good(x, y, s)[: x.shape[0]]), "one sample, .* fails"),
+    "refuses": (Refusing(good), "it refuses 32 x 32 pixels with 16 samples: spp must be 7"),
 }
 
 
-@pytest.mark.parametrize("name", BREAKS)
+@pytest.mark.parametrize("name", few(BREAKS, "nan", "coarse", "two values", "rare", "first alone", "float32"))
 def test_a_broken_promise_is_told(name):
     sampler, sentence = BREAKS[name]
     broken = analysis.broken_promises(sampler, SIDE, SIDE, SPP)
     assert any(re.search(sentence, each) for each in broken), broken
+
+
+OUTSIDE = {
+    "equal coordinates": Plug(lambda x, y, s: good(x, y, s)[..., jnp.array([0, 0])]),
+    "pixels that share points": Plug(lambda x, y, s: good(0 * x, 0 * y, s)),
+    "two values, one in each half": first_as(lambda u: jnp.where(u < 0.5, 0.1, 0.6)),
+    "a small bias": first_as(lambda u: u**1.02),
+    "samples beyond those tested": Plug(lambda x, y, s: good(x, y, jnp.minimum(s, SPP))),
+    "pixels beyond those tested": Plug(lambda x, y, s: jnp.where((x < SIDE)[..., None], good(x, y, s), 2)),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OUTSIDE)
+def test_what_is_no_promise_is_not_told(name):
+    assert analysis.broken_promises(OUTSIDE[name], SIDE, SIDE, SPP) == []
+
+
+LAWS = {
+    "continuous": lambda u: u,
+    "8 bits": lambda u: np.floor(u * 256) / 256,
+    "quarters": lambda u: np.floor(u * 4) / 4 + 0.125,
+    "thirds in float32": lambda u: np.float32(np.floor(u * 3)) / np.float32(3),
+    "sets that pixels share": lambda u: u[:1] * np.ones_like(u),
+    "a mask": lambda u: np.floor(u[:, :1] * 64) / 64 + 0 * u,
+    "a shifted grid": lambda u: (u[:, :1] + np.arange(u.shape[1]) / u.shape[1]) % 1,
+    "two samples in one": lambda u: u[:, np.arange(u.shape[1]) // 2],
+    "a few sets": lambda u: u[np.arange(len(u)) % 7],
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_uniform_laws_are_not_told(law):
+    """None of 100 keys, at a level of 1e-6."""
+    for key in range(100):
+        u = np.random.default_rng(key).random((256, 8))
+        assert _not_uniform(LAWS[law](u).astype(float)) == "", key
 
 
 KEPT = Table(
@@ -93,6 +232,9 @@ KEPT = Table(
         "screen": lambda: samplers.full_screen(sequences.sobol(4), SIDE, SIDE),
         "ranked": lambda: samplers.ranked(2, 1),
         "lattice in each pixel": lambda: samplers.independent(sequences.rank1_lattice(SPP), 1, "shift"),
+        "tile": lambda: samplers.tiled(
+            stratified(np.random.default_rng(1).random((32, 32, 1, 16, 2)))[:, :, 0], 3
+        ),
     }
 )
 
@@ -101,6 +243,13 @@ KEPT = Table(
 @pytest.mark.parametrize("name", KEPT)
 def test_samplers_keep_their_promises(name):
     assert analysis.broken_promises(KEPT[name], SIDE, SIDE, SPP) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SAMPLERS.without(["tiled, boxes"]))
+def test_all_samplers_keep_their_promises(name):
+    """A tile of a few points that are not in strata is not uniform itself."""
+    assert analysis.broken_promises(SAMPLERS[name], SIDE, SIDE, 4) == []
 
 
 def test_a_sampler_that_refuses_says_why():

@@ -94,8 +94,9 @@ def test_a_page_and_a_table(folder, capsys):
 def test_a_broken_sampler_is_told_first(folder, capsys):
     assert main(["compare", "some_samplers:broken", *SMALL, "--scenes", "disc", "--keys", "4"]) == 1
     told = capsys.readouterr().err
-    assert "broken breaks 1 of a sampler's promises" in told
+    assert "broken breaks 3 of a sampler's promises" in told
     assert "samples 0 and 1 of pixel (0, 0) are the same point" in told
+    assert "coordinate 1 is not uniform: it is 0.25 in all points" in told
     page = (folder / "out/compare/index.html").read_text(encoding="utf-8")
     assert page.index("are the same point") < page.index('id="ranks"')
     # It has no key, so that nothing is certain of the two.

@@ -2,7 +2,9 @@
 
 import dataclasses
 import functools
+import importlib
 import inspect
+import json
 import reprlib
 from collections.abc import Callable
 from dataclasses import fields
@@ -29,6 +31,9 @@ def pytree(cls: T) -> T:
     Here objects are equal if their structures and the values of all arrays are equal, the hash is that of the
     structure, and the repr is one line without arrays (see ``qmcjax.core.records``). Methods that a class
     defines stay. ``frozen_pytree`` generates none: that takes a fifth of the import time.
+
+    ``jax.export`` serializes programs with such arguments if static fields hold None, numbers, strings,
+    functions of this package, or tuples of these.
 
     Parameters
     ----------
@@ -61,12 +66,74 @@ def pytree(cls: T) -> T:
         return value
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+    _register_serialization(cls, static)
     made: Any = cls
     if _generated(made.__eq__):
         made.__eq__, made.__hash__ = records.equal, records.structure_hash
     if _generated(made.__repr__):
         made.__repr__ = records.one_line
     return cls
+
+
+_SERIALIZED: set[str] = set()
+"""Names of classes in serialized programs."""
+
+
+def _register_serialization(cls: type, static: list[str]) -> None:
+    """Let ``jax.export`` write the structure as JSON, under the public name of the class.
+
+    Private modules may move: they are no part of the name.
+    """
+    name = f"{cls.__module__.split('._')[0]}.{cls.__qualname__}"
+    again = name in _SERIALIZED
+    _SERIALIZED.add(name)
+
+    def written(aux: tuple[Any, ...]) -> bytes:
+        if again:
+            raise TypeError(f"{name} cannot be serialized: there are several classes of this name")
+        try:
+            return json.dumps(dict(zip(static, map(_to_json, aux[1:]), strict=True))).encode()
+        except TypeError as error:
+            raise TypeError(f"{name} cannot be serialized: {error}") from None
+
+    def read(text: bytes) -> tuple[Any, ...]:
+        found = json.loads(bytes(text))
+        if list(found) != static:
+            raise ValueError(f"{name} was serialized by another version, with static fields {list(found)}")
+        return (cls, *map(_of_json, found.values()))
+
+    jax.export.register_pytree_node_serialization(
+        cls,
+        serialized_name=f"{name} {id(cls)}" if again else name,
+        serialize_auxdata=written,
+        deserialize_auxdata=read,
+    )
+
+
+_PACKAGE = __name__.split(".")[0]
+
+
+def _to_json(value: Any) -> Any:
+    if value is None or type(value) in (bool, int, float, str):
+        return value
+    if type(value) is tuple:
+        return list(map(_to_json, value))
+    module, name = getattr(value, "__module__", None) or "", getattr(value, "__qualname__", "")
+    if module.split(".")[0] == _PACKAGE and getattr(importlib.import_module(module), name, None) is value:
+        return {"module": module, "function": name}
+    raise TypeError(
+        f"static fields must hold numbers, strings, tuples or functions of {_PACKAGE}, got {value!r:.80}"
+    )
+
+
+def _of_json(value: Any) -> Any:
+    if isinstance(value, list):
+        return tuple(map(_of_json, value))
+    if not isinstance(value, dict):
+        return value
+    if value["module"].split(".")[0] != _PACKAGE:
+        raise ValueError(f"a serialized function must be one of {_PACKAGE}, got {value['module']}")
+    return getattr(importlib.import_module(value["module"]), value["function"])
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(dataclasses.field,))

@@ -73,7 +73,6 @@ KEYED = {
     "net_by_net(halton)": lambda key: sequences.net_by_net(sequences.halton(3), 64, key),
     "pmj02": lambda key: sequences.pmj02(64, key, candidates=4),
     "morton3": lambda key: orders.morton3(64, 64, 4, key).at_frame(3),
-    "orders.optimized": lambda key: orders.optimized(64, 64, 4, key),
     "optimized": lambda key: samplers.optimized(8, 8, 4, key),
     "optimized, joint": lambda key: samplers.optimized(8, 8, 4, key, dims=3),
     "progressive": lambda key: samplers.progressive(8, 8, key, dims=4),

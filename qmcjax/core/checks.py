@@ -207,7 +207,7 @@ def prng_key(name: str, value: Any) -> Array:
         elif isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and not value.ndim:
             given = value
         else:
-            words = np.array([0, integer(name, value, 0, INDEX_LIMIT - 1)], np.uint32)
+            words: Any = np.array([0, integer(name, value, 0, INDEX_LIMIT - 1)], np.uint32)
             return jax.random.wrap_key_data(words, impl=PRNG)
     except TypeError:
         raise TypeError(

@@ -174,7 +174,8 @@ def _symbols_on_the_way(digits: int) -> list[NDArray[np.uint32]]:
     Of uint32, as JAX takes one array of int64 either within ``jax.enable_x64`` or outside, not both.
     """
     entry = np.arange(_SYMBOLS << digits, dtype=np.uint32)
-    children, symbols = thue_morse.children().astype(np.uint32), [entry >> digits]
+    children: NDArray[np.uint32] = thue_morse.children().astype(np.uint32)
+    symbols: list[NDArray[np.uint32]] = [entry >> np.uint32(digits)]
     for place in range(digits - 1, -1, -1):
         symbols.append(children[symbols[-1], entry >> place & 1])
     return symbols

@@ -56,6 +56,9 @@ def _call_checked(function: Any, points: Array) -> Any:
     return made
 
 
+_shaped = jax.jit(_call_checked)
+
+
 def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
 
@@ -66,7 +69,10 @@ def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     rows = backends.current().rows
     points = jax.ShapeDtypeStruct((rows, dims), dtype)
     converted, closed_over = jax.closure_convert(_call_checked, function, points)
-    made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
+    if closed_over:
+        made = jax.eval_shape(lambda: converted(function, jnp.zeros(points.shape, dtype), *closed_over))
+    else:  # JAX keeps this trace from call to call.
+        made = jax.eval_shape(_shaped, function, points)
     leaves = jax.tree.leaves(made)
     for leaf in leaves:
         if leaf.shape[:1] != (rows,) or not _is_number(leaf.dtype):

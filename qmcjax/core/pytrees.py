@@ -148,9 +148,16 @@ def _generated(method: Any) -> bool:
     return code is None or code.co_filename in ("<string>", dataclasses.__file__, reprlib.__file__)
 
 
+@functools.cache
+def _known() -> jax.Array:
+    """Return an array of which any operation is traced wherever operations are."""
+    with jax.ensure_compile_time_eval():
+        return jnp.zeros(())
+
+
 def is_traced(values: Any) -> bool:
     """Return whether values, or values closed over by functions, are traced."""
-    leaves = jax.tree.leaves((values, jnp.zeros(())))
+    leaves = jax.tree.leaves((values, jax.lax.stop_gradient(_known())))
     cells = [cell for leaf in leaves for cell in getattr(leaf, "__closure__", None) or ()]
     leaves += jax.tree.leaves([cell.cell_contents for cell in cells])
     return any(isinstance(leaf, Tracer) for leaf in leaves)

@@ -15,6 +15,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
+from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
 
@@ -99,7 +100,9 @@ def rendered(
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
         most = min(backend.pixels, backend.samples // spp)
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
-        image, finished, state, samples, channels = None, 0, None, 0, ()
+        image, finite, finished, state, samples, channels = None, None, 0, None, 0, ()
+        # On a GPU each program that is started takes as long as millions of samples.
+        alone = not (traced or backend.caches or mesh or saved or progress) and pixels * spp <= backend.samples
         if saved is not None and saved.state:
             image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
             channels = saved.state["image"].shape[1:]
@@ -114,6 +117,9 @@ def rendered(
             how = _accumulation.How(of_tile, width, height, batch, together, whole, dims, dtype, mesh)
             tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
             means = None
+            if alone and count * size >= pixels:
+                image, finite = _at_once(pair, np.uint32(spp), how, count)
+                break
             if state is None and (traced or count * size * spp <= backend.samples):
                 arguments = devices.placed((tiles, np.uint32(spp)), mesh)
                 means = devices.local(_accumulation.means(pair, *arguments, how, traced), mesh)
@@ -149,10 +155,21 @@ def rendered(
                 jax.block_until_ready((image, state))
                 progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
         assert image is not None
-        image, finite = (_shaped if traced else _in_place)(image, (height, width, *channels), backend.caches)
+        if finite is None:
+            finished_image = _shaped if traced else _in_place
+            image, finite = finished_image(image, (height, width, *channels), backend.caches)
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
     return image
+
+
+@jit("how", "count")
+def _at_once(pair: tuple[Any, Any], spp: Array, how: _accumulation.How, count: int) -> tuple[Array, Array]:
+    """Return the image of ``count`` tiles, which are all, and whether it is finite, by one program."""
+    tiles = jnp.arange(count, dtype=jnp.uint32) * np.uint32(how.size)
+    means = _accumulation.means(pair, tiles, spp, how, False)
+    pixels = means.reshape(-1, *means.shape[2:])[: how.width * how.height]
+    return _shaped(pixels, (how.height, how.width, *pixels.shape[1:]), False)
 
 
 def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:

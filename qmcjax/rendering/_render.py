@@ -102,7 +102,7 @@ def rendered(
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
         image, finite, finished, state, samples, channels = None, None, 0, None, 0, ()
         # On a GPU each program that is started takes as long as millions of samples.
-        alone = not (traced or backend.caches or mesh or saved or progress) and pixels * spp <= backend.samples
+        alone = not (traced or backend.caches or mesh or saved or progress)
         if saved is not None and saved.state:
             image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
             channels = saved.state["image"].shape[1:]
@@ -117,7 +117,7 @@ def rendered(
             how = _accumulation.How(of_tile, width, height, batch, together, whole, dims, dtype, mesh)
             tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
             means = None
-            if alone and count * size >= pixels:
+            if alone and count * size >= pixels and count * size * spp <= backend.samples:
                 image, finite = _at_once(pair, np.uint32(spp), how, count)
                 break
             if state is None and (traced or count * size * spp <= backend.samples):

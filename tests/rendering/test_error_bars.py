@@ -80,6 +80,16 @@ def test_bets_are_fair():
     assert abs(probability @ capital - 1) < 1e-12
 
 
+@pytest.mark.parametrize("level", [0.9, 0.999])
+def test_at_the_ends_the_capital_is_two_over_the_error(level):
+    values = np.random.default_rng(2).uniform(size=200)
+    low, high = betting.interval(values, level)
+    bets = betting._bets(values, np.log(2 / (1 - level)), np)
+    for end, of in ((low, values), (1 - high, 1 - values)):
+        capital = np.prod(1 + np.minimum(bets, 0.75 / end) * (of - end))
+        assert capital == pytest.approx(2 / (1 - level), rel=1e-9)
+
+
 def test_betting_is_as_narrow_as_the_values_vary():
     """Of 1000 values, compared to a normal interval; but not below the range divided by their number."""
     generator = np.random.default_rng(2)

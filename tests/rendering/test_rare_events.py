@@ -116,8 +116,8 @@ def test_a_bit_below_the_grid_of_the_points(dtype, seen):
 
 MORE = [
     (n, replicates, limits, max(10, min(200, 2**23 // (n * replicates))))
-    for n in (2**4, 2**10, 2**16, 2**20)
-    for replicates in (4, 8, 32)
+    for n, counts in ((2**4, (4, 8, 32)), (2**10, (4, 8, 32)), (2**16, (4, 8)), (2**20, (4,)))
+    for replicates in counts
     for limits in (False, True)
 ]
 
@@ -128,8 +128,10 @@ def test_intervals_of_indicators_hold_or_are_not_sure(cell):
     found = rare_events.cell(*cell)
     least = 0.95 - 5 * np.sqrt(0.95 * 0.05 / found.trials)
     assert (found.held + found.unsure >= least).all()
-    assert found.alone.min() < 0.5
-    assert (found.unsure == 0).all() if found.limits else found.unsure.max() > 0.9
+    if found.limits:
+        assert (found.unsure == 0).all()
+    elif found.n <= 2**10:
+        assert found.alone.min() < 0.5 and found.unsure.max() > 0.9
     common = rare_events.expected(found) > 100
     assert (found.unsure[common] == 0).all()
 

@@ -90,6 +90,9 @@ def function(name: str, value: Any, of: str, count: int = 1) -> None:
     """Raise a TypeError unless ``value`` is a function of ``count`` arguments; ``of``: these, in words."""
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be a function {of}, got {shown(value)}")
+    # Python takes the first argument of a static __call__ for the object.
+    if isinstance(inspect.getattr_static(type(value), "__call__", None), staticmethod):
+        value = value.__call__
     try:
         taken = inspect.signature(value)
     except (TypeError, ValueError):  # Some functions in C have none.

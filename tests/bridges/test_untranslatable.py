@@ -264,7 +264,6 @@ CALLER = """
 import installed
 from qmcjax import samplers
 from qmcjax.bridges import source
-from qmcjax.bridges._source._reserved import reserving
 
 def of_mine(x, y, sample):
     return installed.sorts(x, y)

@@ -45,4 +45,5 @@ def _component(template: str, folder: Path, name: str, title: str, images: Mappi
     lost = [file for file in store.image_files(name, {"images": images}) if not (folder / file).is_file()]
     if lost:
         return fill(LOST, files=", ".join(lost))
-    return fill(template, name=name, title=title, images=script_safe(json.dumps(images, ensure_ascii=False)))
+    data = json.dumps(images, ensure_ascii=False, separators=(",", ":"))
+    return fill(template, name=name, title=title, images=script_safe(data))

@@ -23,8 +23,7 @@ NETS = {
 }
 NOTE = (
     "Each (0,2)-sequence in base 2 has C_1 = L_1 U and C_2 = L_2 P U, P Pascal's triangle modulo 2, L lower "
-    "and U upper triangular. Matrices with a pattern come from factors with one; the last, of order 7, come "
-    "from a search. The thesis prints its matrices as pictures only, without distances; these are others."
+    "and U upper triangular. The last come from a search. In print they are pictures: these are others."
 )
 
 

@@ -158,7 +158,8 @@ def test_a_name_is_for_one_class():
 
         return Twice(jnp.zeros(2))
 
-    assert again(lambda value: value.x, defined()).call is not None
+    value = defined()
+    assert again(lambda value: value.x, value).call(value).tolist() == [0, 0]
     with pytest.raises(TypeError, match="Twice cannot be serialized: there are several classes of this name"):
         again(lambda value: value.x, defined())
 

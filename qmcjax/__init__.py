@@ -25,13 +25,13 @@ if typing.TYPE_CHECKING:
     from qmcjax import sequences as sequences
     from qmcjax import tracing as tracing
     from qmcjax import warps as warps
-    from qmcjax._estimate import Estimate as Estimate
-    from qmcjax._integrate import integrate as integrate
     from qmcjax.choosing import ErrorRatio as ErrorRatio
     from qmcjax.choosing import Recommendation as Recommendation
     from qmcjax.choosing import recommend as recommend
     from qmcjax.core.checkpoints import Checkpoint as Checkpoint
     from qmcjax.core.pytrees import pytree as pytree
+    from qmcjax.integration import Estimate as Estimate
+    from qmcjax.integration import integrate as integrate
     from qmcjax.rendering import AdaptiveImage as AdaptiveImage
     from qmcjax.rendering import Passes as Passes
     from qmcjax.rendering import boundary_gradient as boundary_gradient
@@ -44,11 +44,10 @@ if typing.TYPE_CHECKING:
     from qmcjax.rendering import sliding_means as sliding_means
 else:
     _HOMES = {
-        "qmcjax._estimate": ("Estimate",),
-        "qmcjax._integrate": ("integrate",),
         "qmcjax.choosing": ("ErrorRatio", "Recommendation", "recommend"),
         "qmcjax.core.checkpoints": ("Checkpoint",),
         "qmcjax.core.pytrees": ("pytree",),
+        "qmcjax.integration": ("Estimate", "integrate"),
         "qmcjax.rendering": (
             "AdaptiveImage",
             "Passes",

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from qmcjax._integrate import randomised
 from qmcjax.core import checks
+from qmcjax.integration import randomised
 from qmcjax.sequences import Sequence, as_sequence, tabulated
 
 

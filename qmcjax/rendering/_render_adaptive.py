@@ -7,11 +7,10 @@ import jax.numpy as jnp
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax._pilot import check_passes
 from qmcjax.core import checks, devices
 from qmcjax.rendering._adaptive import AdaptiveImage, skipping
-from qmcjax.rendering._stopping import until
 from qmcjax.rendering._task import Task, check_progress, task
+from qmcjax.rendering.stopping import check_passes, until
 
 
 def render_adaptive(

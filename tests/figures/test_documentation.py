@@ -20,7 +20,7 @@ NOT_HANDED_ON = {
     "figures.shared": "for figures, and its rooms", "figures.suite": "for the command line",
     "figures.thesis": "a module a figure", "figures.z": "a module a figure",
     "qmcjax.choosing": "handed on by qmcjax", "qmcjax.core": "of no use outside",
-    "qmcjax.rendering": "handed on by qmcjax",
+    "qmcjax.integration": "handed on by qmcjax", "qmcjax.rendering": "handed on by qmcjax",
     "qmcjax.scenes.traced": "handed on by qmcjax.scenes, but for how references are stored",
 }
 # fmt: on

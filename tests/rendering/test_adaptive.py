@@ -13,8 +13,9 @@ from scipy.ndimage import maximum_filter
 from tables import slow
 
 import qmcjax as qj
-from qmcjax import _pilot, orders, samplers, scenes, sequences
+from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core.pytrees import pytree
+from qmcjax.rendering import stopping
 
 SIDE, SPP = 20, 16
 
@@ -294,7 +295,7 @@ def test_passes_of_pixels_by_hand():
         return jnp.stack([jnp.sin(40 * x * x), jnp.where(y > 0.7, x, 0), jnp.cos(9 * y) ** 9], axis=-1)
 
     scene, sampler, (width, height), limit = scenes.function(colours, ("x", "y")), passes(key=5), (7, 5), 16
-    pilot = replace(sampler, key=jax.random.fold_in(sampler.key, _pilot._PILOT_KEY))
+    pilot = replace(sampler, key=jax.random.fold_in(sampler.key, stopping._PILOT_KEY))
     values, before = (
         np.stack([np.float64(qj.render(scene, of.of_pass(k), width, height, 4)) for k in range(count)])
         for of, count in ((sampler, limit), (pilot, 4))

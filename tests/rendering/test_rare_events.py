@@ -11,7 +11,8 @@ from tables import slow
 
 import qmcjax as qj
 from figures.shared.integrands import rare_events
-from qmcjax import _estimate, sequences
+from qmcjax import sequences
+from qmcjax.integration import _estimate
 
 SOBOL = sequences.sobol(1)
 

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax._pilot import PILOT, check_passes, pilot_of, predicted
 from qmcjax.bridges.mitsuba._given import LIMIT, of_size
 from qmcjax.bridges.mitsuba._sensors import loaded, sensor_of
 from qmcjax.bridges.mitsuba._tiles import TiledPass, Tiles
 from qmcjax.core import checks, draws
 from qmcjax.rendering import AdaptiveImage
+from qmcjax.rendering.stopping import PILOT, check_passes, pilot_of, predicted
 from qmcjax.samplers import Randomized
 
 

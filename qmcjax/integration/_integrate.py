@@ -11,7 +11,10 @@ from jax import Array
 from jax.sharding import Mesh
 from jax.typing import ArrayLike, DTypeLike
 
-from qmcjax._estimate import (
+from qmcjax.core import backends, checks, devices, draws
+from qmcjax.core.bounds import bounded
+from qmcjax.core.pytrees import is_traced
+from qmcjax.integration._estimate import (
     KINDS,
     Estimate,
     checked_limits,
@@ -19,10 +22,7 @@ from qmcjax._estimate import (
     estimate,
     limits_of_integral,
 )
-from qmcjax._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
-from qmcjax.core import backends, checks, devices, draws
-from qmcjax.core.bounds import bounded
-from qmcjax.core.pytrees import is_traced
+from qmcjax.integration._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
 from qmcjax.sequences import (
     Sequence,
     as_sequence,

@@ -1,0 +1,5 @@
+"""From a function and a sequence to a mean and its confidence interval."""
+
+from qmcjax.integration._estimate import Estimate as Estimate
+from qmcjax.integration._integrate import integrate as integrate
+from qmcjax.integration._integrate import randomised as randomised

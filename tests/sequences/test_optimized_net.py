@@ -8,7 +8,7 @@ import pytest
 from tables import first
 
 from analysis import squared_min_distance
-from qmcjax.sequences._nets.optimized_net import optimized_net
+from qmcjax.sequences import optimized_net
 
 PRINTED = {
     2: 2, 3: 8, 4: 13, 5: 29, 6: 52, 7: 100, 8: 208, 9: 400, 10: 832,

@@ -24,11 +24,13 @@ SOBOL_DIMS = 21201
 """Number of dimensions of Joe and Kuo's table."""
 
 
-def _identity(reversed_bits: Array) -> Array:
+def identity(reversed_bits: Array) -> Array:
+    """Return the product with the identity."""
     return reversed_bits
 
 
-def _larcher_sobol(reversed_bits: Array) -> Array:
+def larcher_sobol(reversed_bits: Array) -> Array:
+    """Return the product with the second matrix of Larcher and Pillichshammer's sequence."""
     return pascal(gray_decode(reversed_bits))
 
 
@@ -172,7 +174,7 @@ def sobol(dims: int = 2) -> Digital:
      [0.75 0.25 0.25]]
     """
     dims = checks.integer("dims", dims, 1, SOBOL_DIMS)
-    steps = (_identity, pascal)[:dims]
+    steps = (identity, pascal)[:dims]
     matrices = _columns_of(steps)
     if dims > 2:
         matrices = jnp.concatenate([matrices, jnp.asarray(matrices_of(dims)[1:])])
@@ -200,7 +202,7 @@ def larcher_pillichshammer() -> Digital:
      [0.75 0.25]
      [0.25 0.75]]
     """
-    steps = (gray_decode, _larcher_sobol)
+    steps = (gray_decode, larcher_sobol)
     return Digital(_columns_of(steps), steps, _larcher_beyond, "larcher_pillichshammer")
 
 

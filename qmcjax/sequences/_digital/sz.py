@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import pascal, reverse
-from qmcjax.sequences._digital.digital import Digital, _identity
+from qmcjax.sequences._digital.digital import Digital, identity
 from qmcjax.sequences._digital.matrix_products import packed, selected
 
 SZ_DIMS = 256
@@ -72,7 +72,7 @@ def sz(dims: int) -> Digital:
     """
     dims = checks.integer("dims", dims, 1, SZ_DIMS)
     words = np.stack([_columns(dim)[:32] for dim in range(dims)])
-    return Digital(jnp.asarray(words), (_identity, pascal)[:dims], _beyond, "sz")
+    return Digital(jnp.asarray(words), (identity, pascal)[:dims], _beyond, "sz")
 
 
 def _beyond(dim: int, high: Array) -> Array:

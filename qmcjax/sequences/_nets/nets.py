@@ -1,21 +1,25 @@
 """Nets of 2**m points with i / 2**m as first coordinate, and their inversion from pixel to index."""
 
 import abc
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.bits import gray_decode, gray_encode, reverse
+from qmcjax.core.bits import gray_decode, gray_encode, pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._digital.digital import identity, larcher_sobol
+from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._protocol.binary import BinarySequence
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Net(BinarySequence):
-    """A (0,m,2)-net in base 2: one point in every elementary interval of area 2**-m."""
+    """A net in base 2 whose first two coordinates are a (0,m,2)-net: one point per interval of area 2**-m."""
 
     m: int = field(metadata={"static": True})
 
@@ -30,14 +34,14 @@ class Net(BinarySequence):
         return 2**self.m
 
     @abc.abstractmethod
-    def _second(self, index: Array) -> Array:
-        """Return the bit-reversed second coordinate."""
+    def further(self, index: Array, dim: int) -> Array:
+        """Return a coordinate after the first one, bit-reversed."""
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self._second(index) if dim else reverse(_fraction(index, self.m))
+        return self.further(index, dim) if dim else reverse(fraction_of(index, self.m))
 
     def word(self, index: Array, dim: int) -> Array:
-        return reverse(self._second(index)) if dim else _fraction(index, self.m)
+        return reverse(self.further(index, dim)) if dim else fraction_of(index, self.m)
 
     def points_per_cell(self, log_side: int) -> int:
         """Return ``2**(m - 2 * log_side)``, the points in each of ``2**log_side`` x ``2**log_side`` cells."""
@@ -69,95 +73,88 @@ class Net(BinarySequence):
         """
 
 
-def _fraction(numerator: Array, m: int) -> Array:
+class MatrixNet(Net):
+    """A net whose second coordinate has a matrix C = L U with unit triangular factors over F2."""
+
+    @abc.abstractmethod
+    def solve(self, digits: Array, log_side: int) -> Array:
+        """Return the low digits of an index that make these leading digits of the second coordinate."""
+
+    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
+        # The lowest index bits fix the leading rows for all others.
+        upper = above(x, self.m - log_side) | (sample << log_side)
+        wrong = low(self.further(upper, 1), log_side) ^ reverse_low(y, log_side)
+        return upper | self.solve(wrong, log_side)
+
+
+@frozen_pytree
+class StepsNet(MatrixNet):
+    """Products with the matrices in a few steps on words."""
+
+    steps: tuple[Callable[[Array], Array], ...] = field(metadata={"static": True})
+    """The further coordinates, bit-reversed, from the index."""
+    inverse: Callable[[Array], Array] = field(metadata={"static": True})
+    """The inverse of the first of them."""
+    called: str = field(metadata={"static": True})
+    """Name of the function that makes such a net."""
+
+    @property
+    def dims(self) -> int:
+        return 1 + len(self.steps)
+
+    def further(self, index: Array, dim: int) -> Array:
+        return self.steps[dim - 1](index)
+
+    def solve(self, digits: Array, log_side: int) -> Array:
+        return self.inverse(digits)
+
+
+@frozen_pytree
+class ColumnsNet(MatrixNet):
+    """Products with the columns of the matrices."""
+
+    columns: Array
+    """uint32 (dims - 1, m): column k of each matrix, its first row in bit 0."""
+    lower_inverse: Array
+    upper_inverse: Array
+    """uint32 (m,): columns of the inverses of the factors of the first matrix."""
+    called: str = field(metadata={"static": True})
+    """Name of the function that makes such a net."""
+
+    @property
+    def dims(self) -> int:
+        return 1 + self.columns.shape[0]
+
+    def further(self, index: Array, dim: int) -> Array:
+        return selected(self.columns[dim - 1], index)
+
+    def solve(self, digits: Array, log_side: int) -> Array:
+        # The leading block of C is the product of the leading blocks of the factors, inverted by those of the
+        # inverse factors.
+        return selected(self.upper_inverse, low(selected(self.lower_inverse, digits), log_side))
+
+
+def fraction_of(numerator: Array, m: int) -> Array:
     """Return numerator / 2**m in fixed point; for m = 0 the numerator is 0."""
     return numerator << min(32 - m, 31)
 
 
-def _low(word: Array, count: int) -> Array:
-    return word & np.uint32((1 << count) - 1)
-
-
-def _reverse_low(word: Array, count: int) -> Array:
-    """Reverse the order of the lowest ``count`` bits; the others are dropped."""
-    return reverse(word) >> (32 - count) if count else jnp.zeros_like(word)
-
-
-@frozen_pytree
-class HammersleyNet(Net):
-    """The points (i / 2**m, phi_2(i))."""
-
-    called = "hammersley_net"
-
-    def _second(self, index: Array) -> Array:
-        return index
-
-    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        return _above(x, self.m - log_side) | (sample << log_side) | _reverse_low(y, log_side)
-
-
-@frozen_pytree
-class LarcherPillichshammerNet(Net):
-    """The points (i / 2**m, C'1 times the bits of i)."""
-
-    called = "larcher_pillichshammer_net"
-
-    def _second(self, index: Array) -> Array:
-        return gray_decode(index)
-
-    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        # The matrix is triangular: the lowest index bits fix the leading rows for all others.
-        upper = _above(x, self.m - log_side) | (sample << log_side)
-        wrong = _low(gray_decode(upper), log_side) ^ _reverse_low(y, log_side)
-        return upper | gray_encode(wrong)
-
-
-@frozen_pytree
-class PermutationNet(Net):
-    """Points on parallel diagonals, thesis Sect. 5.3.1, for odd m and even m >= 4."""
-
-    called = "permutation_net"
-
-    def _second(self, index: Array) -> Array:
-        half = self.m // 2
-        if self.m % 2:
-            # Eq. 5.44
-            y = _low(index - (_reverse_low(_low(index, half), half) << (self.m - half)), self.m)
-        else:
-            # x = 2^half rev(k) + floor(k / 4) + (1 + r) 2^(half - 2), y = k + r 2^half, solved for k and r:
-            # the low bits of x are k's upper ones, and those of (x - floor(k / 4)) / 2^(half - 2)
-            # above bit half are, once 4 rev(k) has lost its lower part, k's lowest two.
-            upper = _low(index, half - 2)
-            rest = (index >> (half - 2)) - np.uint32(1) - (_reverse_low(upper, half - 2) << 2)
-            lowest = _reverse_low(_low(rest >> half, 2), 2)
-            y = (_low(rest, half) << half) | (upper << 2) | lowest
-        return reverse(_fraction(y, self.m))
-
-    def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        half = self.m // 2
-        if self.m % 2:
-            # With H = m - half: x = 2^half ((2 rev(k) + r) mod 2^H) + k and y = 2^half r + k. The cell
-            # gives the leading bits of r and of the bracket, whose lowest bits agree.
-            spare = self.m - half - log_side
-            r = _above(y, spare) | _low(sample, spare)
-            bracket = _above(x, spare) | ((sample >> spare) << 1) | _low(sample, 1)
-            k = _reverse_low(_low(bracket - r, self.m - half) >> 1, half)
-            return (bracket << half) | k
-        # x = 2^half ((rev(k) + floor((1 + r) / 4)) mod 2^half) + lower bits, y = 2^half r + k.
-        spare = half - log_side
-        r = _above(y, spare) | _low(sample, spare)
-        bracket = _above(x, spare) | (sample >> spare)
-        k = _reverse_low(_low(bracket - ((r + np.uint32(1)) >> 2), half), half)
-        lower = (k >> 2) + (_low(r + np.uint32(1), 2) << (half - 2))
-        return (bracket << half) | lower
-
-
-def _above(word: Array, count: int) -> Array:
+def above(word: Array, count: int) -> Array:
     """Shift to the left; a shift by 32 or more gives zero."""
     return word << min(count, 31)
 
 
-def hammersley_net(m: int) -> HammersleyNet:
+def low(word: Array, count: int) -> Array:
+    """Return the lowest ``count`` bits."""
+    return word & np.uint32((1 << count) - 1)
+
+
+def reverse_low(word: Array, count: int) -> Array:
+    """Reverse the order of the lowest ``count`` bits; the others are dropped."""
+    return reverse(word) >> (32 - count) if count else jnp.zeros_like(word)
+
+
+def hammersley_net(m: int) -> StepsNet:
     """Make the Hammersley net: the points (i / 2**m, phi_2(i)).
 
     Parameters
@@ -166,7 +163,7 @@ def hammersley_net(m: int) -> HammersleyNet:
 
     Returns
     -------
-    HammersleyNet, a (0,m,2)-net in base 2
+    StepsNet, a (0,m,2)-net in base 2
 
     References
     ----------
@@ -180,10 +177,10 @@ def hammersley_net(m: int) -> HammersleyNet:
      [0.5  0.25]
      [0.75 0.75]]
     """
-    return HammersleyNet(checks.integer("m", m, 0, 32))
+    return _steps_net(m, (identity,), identity, "hammersley_net")
 
 
-def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
+def larcher_pillichshammer_net(m: int) -> StepsNet:
     """Make the Larcher-Pillichshammer net: i / 2**m and the product with the matrix of ones.
 
     Parameters
@@ -192,7 +189,7 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
 
     Returns
     -------
-    LarcherPillichshammerNet, a (0,m,2)-net in base 2 of low star discrepancy
+    StepsNet, a (0,m,2)-net in base 2 of low star discrepancy
 
     References
     ----------
@@ -206,70 +203,96 @@ def larcher_pillichshammer_net(m: int) -> LarcherPillichshammerNet:
      [0.5  0.75]
      [0.75 0.25]]
     """
-    return LarcherPillichshammerNet(checks.integer("m", m, 0, 32))
+    return _steps_net(m, (gray_decode,), gray_encode, "larcher_pillichshammer_net")
 
 
-def permutation_net(m: int) -> Net:
-    """Make the permutation net of large minimum distance, which is not a digital net.
-
-    The squared toroidal distance is 2**m on the integer grid for odd m, and 241 * 2**(m - 8) for even m >= 8
-    with the *sheared* tiling, rows shifted by 2**(m - 2).
+def sobol_net_3d(m: int) -> StepsNet:
+    """Make the Sobol' net: i / 2**m and the two components of the Sobol' (0,2)-sequence.
 
     Parameters
     ----------
-    m : int
-        In [1, 32]. The construction starts at m = 4 for even m; m = 2 gives the Hammersley net, with the
-        distance of Table 5.1.
+    m : int, in [0, 32]
 
     Returns
     -------
-    Net, a (0,m,2)-net in base 2, numbered by its first coordinate
+    StepsNet
+        A (0,m,3)-net in base 2; the first two coordinates are the Hammersley net.
 
     References
     ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.3.1, Theorem 3 and class GenDiag0m2.
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.2, Remark 4 and Fig. 5.5.
 
     Examples
     --------
-    >>> print((permutation_net(3).points(8)[:, 1] * 8).astype(int))
-    [0 5 2 7 4 1 6 3]
+    >>> print(sobol_net_3d(2).points(4))
+    [[0.   0.   0.  ]
+     [0.25 0.5  0.5 ]
+     [0.5  0.25 0.75]
+     [0.75 0.75 0.25]]
     """
-    m = checks.integer("m", m, 1, 32)
-    return HammersleyNet(2) if m == 2 else PermutationNet(m)
+    return _steps_net(m, (identity, pascal), identity, "sobol_net_3d")
 
 
-def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Array:
-    """Return points of the permutation net in the pixels of one row of the screen.
-
-    With the net in every pixel, the screen keeps the minimum distance of the net if each row of pixels shifts
-    it by a quarter of a pixel along x relative to the row below, modulo the pixel. For odd m there is no
-    shift. The pattern repeats after four rows, and in each row from pixel to pixel.
+def larcher_pillichshammer_net_3d(m: int) -> StepsNet:
+    """Make the modified net: i / 2**m and the two components of the (0,2)-sequence of C'1, C'2.
 
     Parameters
     ----------
-    m : int, in [1, 32]: 2**m points per pixel
-    row : uint32 Array, or int, row of the pixel, counted along the second coordinate
-    index : uint32 Array, broadcastable to ``row``, or int
-        Below 2**m, in the numbering of :func:`permutation_net`.
+    m : int, in [0, 32]
 
     Returns
     -------
-    uint32 Array, the broadcast shape + (2,)
-        Fractions of the pixel: the coordinate is ``bits / 2**32``.
+    StepsNet
+        A (0,m,3)-net in base 2; the first two coordinates are the Larcher-Pillichshammer net. For m > 6 its
+        minimum distance is larger than that of :func:`sobol_net_3d`.
 
     References
     ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.3.1, function pixelWrap and Fig. 5.19.
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.2, Eq. 5.19 and Remark 5.
 
     Examples
     --------
-    >>> print(permutation_net_in_row(4, jnp.arange(3, dtype=jnp.uint32), 0) >> 28)
-    [[ 0 15]
-     [ 4 15]
-     [ 8 15]]
+    >>> print(larcher_pillichshammer_net_3d(2).points(4))
+    [[0.   0.   0.  ]
+     [0.25 0.5  0.5 ]
+     [0.5  0.75 0.25]
+     [0.75 0.25 0.75]]
     """
-    net = permutation_net(m)
-    row, index = jnp.broadcast_arrays(checks.unsigned("row", row), checks.unsigned("index", index, net.size))
-    x, y = net.word(index, 0), net.word(index, 1)
-    # A quarter of the pixel is 2**30: in the product with the row, multiples of four wrap to 0.
-    return jnp.stack([x if net.m % 2 else x + (row << 30), y], axis=-1)
+    return _steps_net(m, (gray_decode, larcher_sobol), gray_encode, "larcher_pillichshammer_net_3d")
+
+
+def _steps_net(
+    m: int, steps: tuple[Callable[[Array], Array], ...], inverse: Callable[[Array], Array], called: str
+) -> StepsNet:
+    return StepsNet(checks.integer("m", m, 0, 32), steps, inverse, called)
+
+
+def columns_net(matrices: list[NDArray[np.uint8]], called: str) -> ColumnsNet:
+    """Return the net of generator matrices of order m, the first of t = 0."""
+    lower, upper = _factors(matrices[0])
+    inverses = _columns(_inverse(lower)), _columns(_inverse(upper.T).T)
+    columns = jnp.stack([_columns(matrix) for matrix in matrices])
+    return ColumnsNet(len(matrices[0]), columns, *inverses, called)
+
+
+def _factors(matrix: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return the unit triangular L and U with L U = matrix over F2; they exist where t = 0."""
+    lower, upper = np.eye(len(matrix), dtype=np.uint8), matrix.copy()
+    for k in range(len(matrix)):
+        lower[k + 1 :, k] = upper[k + 1 :, k]
+        upper[k + 1 :] ^= lower[k + 1 :, k, None] & upper[k]
+    return lower, upper
+
+
+def _inverse(lower: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Invert a unit lower triangular matrix over F2."""
+    inverse = np.eye(len(lower), dtype=np.uint8)
+    for k in range(len(lower)):
+        inverse[k + 1 :] ^= lower[k + 1 :, k, None] & inverse[k]
+    return inverse
+
+
+def _columns(matrix: NDArray[np.uint8]) -> Array:
+    """Pack the columns into words, the first row in bit 0."""
+    weights = np.uint32(1) << np.arange(len(matrix), dtype=np.uint32)
+    return jnp.asarray((matrix.T * weights).sum(axis=1, dtype=np.uint32))

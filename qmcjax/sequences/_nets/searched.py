@@ -1,32 +1,69 @@
-"""A (0,2)-sequence and (0,m,3)-nets of large minimum distance, from searched generator matrices."""
+"""Digital nets and a (0,2)-sequence of large minimum distance, from searched generator matrices."""
 
 import numpy as np
-from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, tables
-from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import Digital, digital
-from qmcjax.sequences._digital.matrix_products import packed, selected
-from qmcjax.sequences._nets.nets_3d import OverPlane
-from qmcjax.sequences._nets.optimized_net import MatrixNet, columns_of, matrix_net
+from qmcjax.sequences._digital.matrix_products import packed
+from qmcjax.sequences._nets.nets import ColumnsNet, columns_net
 
 
-@frozen_pytree
-class MatrixNet3D(OverPlane):
-    """The points (i / 2**m, C_1 i, C_2 i) for the matrices of a (0,2)-sequence."""
+def optimized_net(m: int) -> ColumnsNet:
+    """Make a digital (0,m,2)-net of large minimum distance from a searched generator matrix.
 
-    plane: MatrixNet
-    columns: Array
-    """uint32 (m,): column k of C_2, its first row in bit 0."""
+    Parameters
+    ----------
+    m : int, in [1, 32]
 
-    called = "optimized_net_3d"
+    Returns
+    -------
+    ColumnsNet
+        Its squared toroidal distance on the integer grid is 2, 2, 8, 13, 29, 52, 100, 208, 425 for m = 1,
+        ..., 9, and beyond four times that of ``optimized_net(m - 2)``.
 
-    def _third(self, index: Array) -> Array:
-        return selected(self.columns, index)
+    Notes
+    -----
+    The matrices of order 1 to 7 and 9 were found by simulated annealing; the others are diag(1, C, 1) with C
+    of order m - 2. In units of the grid, this makes four copies of the smaller net, scaled by two, in 2 x 2
+    tiles: the copy in tile (u, v) is shifted by (v, u). After k such steps there are 2**k x 2**k copies,
+    scaled by 2**k and shifted by less than that, in y equally for a column of tiles and in x for a row. So in
+    units of the grid of the first net, only a pair across a vertical border can lose distance in y, and only
+    a pair across a horizontal border in x, less than 1 each. No such pair of the nets for m = 6 and 9 is
+    close enough for this to matter, which proves the distances 52 * 4**k and 425 * 4**k for all k.
+
+    For m <= 7 and for even m the distances are those that Table 5.1 of [1]_ reports for matrices; for odd
+    m >= 9 they are larger: 425, 1700, 6800, 27200 instead of 400, 1600, 6385, 25313.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Table 5.1.
+
+    Examples
+    --------
+    >>> print((optimized_net(3).points(8)[:, 1] * 8).astype(int))
+    [0 5 2 7 4 1 6 3]
+    """
+    return columns_net([_matrix(checks.integer("m", m, 1, 32))], "optimized_net")
 
 
-def optimized_net_3d(m: int) -> MatrixNet3D:
+def _matrix(m: int) -> NDArray[np.uint8]:
+    """Return the matrix of order m: a searched one, or diag(1, ..., 1, searched, 1, ..., 1)."""
+    searched = _searched()
+    core = m
+    while core not in searched:
+        core -= 2
+    matrix, inside = np.eye(m, dtype=np.uint8), slice((m - core) // 2, (m + core) // 2)
+    matrix[inside, inside] = searched[core]
+    return matrix
+
+
+def _searched() -> dict[int, NDArray[np.uint8]]:
+    rows = [words[2:] for words in tables.rows("sequences", "optimized_nets.txt")]
+    return {len(row): np.array([list(digits) for digits in row], np.uint8) for row in rows}
+
+
+def optimized_net_3d(m: int) -> ColumnsNet:
     """Make a digital (0,m,3)-net of large minimum distance from searched generator matrices.
 
     Parameters
@@ -35,7 +72,7 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
 
     Returns
     -------
-    MatrixNet3D
+    ColumnsNet
         Its squared toroidal distance on the integer grid is 6, 12, 30, 82, 166, 461, 898, 2005, 4382,
         10291, 24086, 58670, 136449, 305960, 689409 for m = 2, ..., 16.
 
@@ -57,8 +94,7 @@ def optimized_net_3d(m: int) -> MatrixNet3D:
      [2 1 3]
      [3 2 1]]
     """
-    first, second = _read("optimized_nets_3d.txt")[checks.integer("m", m, 2, 16)]
-    return MatrixNet3D(matrix_net(first), columns_of(second))
+    return columns_net([*_pairs("optimized_nets_3d.txt")[checks.integer("m", m, 2, 16)]], "optimized_net_3d")
 
 
 def optimized_sequence() -> Digital:
@@ -91,12 +127,12 @@ def optimized_sequence() -> Digital:
      [3 1]
      [1 2]]
     """
-    first, second = _read("optimized_sequence.txt")[16]
+    first, second = _pairs("optimized_sequence.txt")[16]
     matrices = np.stack([np.kron(np.eye(2, dtype=np.uint8), first), np.kron([[1, 1], [0, 1]], second)])
     return digital(packed(matrices))
 
 
-def _read(name: str) -> dict[int, NDArray[np.uint8]]:
+def _pairs(name: str) -> dict[int, NDArray[np.uint8]]:
     """Read pairs of matrices by their order."""
     rows = [words[-2 * int(words[0]) :] for words in tables.rows("sequences", name)]
     return {

@@ -1,7 +1,7 @@
 """Search for the components of Joe and Kuo's sequence that make a cascaded net of small t.
 
 ``python -m analysis.tables.make_cascade`` prints the tuple in
-``qmcjax/sequences/_digital/cascaded.py`` (minutes).
+``qmcjax/sequences/_digital/constructions.py`` (minutes).
 
 The components are chosen greedily, dimension by dimension. The cost is the sum over m of the square of t of
 all pairs with a previous dimension, and of the last three and four dimensions together. Adjacent pairs

@@ -15,7 +15,7 @@ from tables import first
 
 from analysis import interval_counts, is_latin_hypercube, is_stratified, projection_t_values, t_value
 from qmcjax import sequences
-from qmcjax.sequences._digital.faure import faure_matrices
+from qmcjax.sequences._digital.prime_digital import faure_matrices
 
 
 @jax.jit

@@ -12,7 +12,7 @@ import analysis
 from figures.ours import space_time
 from figures.shared.integrands import animations, integrands_of_dims
 from qmcjax import orders, samplers, sequences
-from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.binary import Fraction
 
 KEY = 5
 SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}

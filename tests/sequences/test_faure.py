@@ -11,8 +11,7 @@ from tables import compositions, digit_count, first, refuses, slow, slow_cases
 
 from qmcjax import sequences
 from qmcjax.core import finite_field
-from qmcjax.sequences._digital.faure import faure, faure_matrices
-from qmcjax.sequences._digital.replacement import replace_component
+from qmcjax.sequences._digital.prime_digital import faure, faure_matrices, replace_component
 
 
 @jax.jit

@@ -15,7 +15,7 @@ from tables import compositions, first, slow, some
 from qmcjax import sequences
 from qmcjax.core import digits
 from qmcjax.sequences._halton.halton import RadicalInverses
-from qmcjax.sequences._scrambling.owen_exact_base_b import drawn_together
+from qmcjax.sequences._scrambling.owen_exact import drawn_together
 
 SCRAMBLINGS = {
     "owen": sequences.owen,

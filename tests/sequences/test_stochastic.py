@@ -11,8 +11,8 @@ from tables import chi_squared, first, refuses, slow
 
 from analysis import min_distance
 from qmcjax import sequences
-from qmcjax.sequences._stochastic import lloyd
-from qmcjax.sequences._stochastic.latin_hypercube import permuted
+from qmcjax.sequences._stochastic import blue_noise
+from qmcjax.sequences._stochastic.random import permuted
 
 
 @pytest.mark.parametrize("n", [1, 5, *slow(2, 1000, 300_007)])
@@ -108,7 +108,7 @@ def test_centroids_are_those_of_the_voronoi_cells(n, dims, extent):
     tiles = sorted(itertools.product(range(-2, 3), repeat=dims), key=any)  # the middle one first
     cells = Voronoi(np.concatenate([points + tile for tile in tiles]))
     expected = [centroid(cells.vertices[cells.regions[cells.point_region[i]]]) for i in range(n)]
-    np.testing.assert_allclose(lloyd.centroids(points), expected, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(blue_noise.centroids(points), expected, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -122,15 +122,15 @@ def test_centroids_are_those_of_the_voronoi_cells(n, dims, extent):
 def test_a_lattice_stays_where_it_is(points):
     """All cells of a lattice are alike and symmetric about their points."""
     points = np.asarray(points)
-    np.testing.assert_allclose(lloyd.centroids(points), points, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(blue_noise.centroids(points), points, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("dims", [2, 3])
 def test_relaxation_knows_no_edges(dims):
     """Points that are shifted on the torus relax to shifted points."""
     points, offset = np.random.default_rng(1).random((80, dims)), np.full(dims, 0.37)
-    shifted = (lloyd.relaxed(points, 3) + offset) % 1
-    difference = lloyd.relaxed((points + offset) % 1, 3) - shifted
+    shifted = (blue_noise.relaxed(points, 3) + offset) % 1
+    difference = blue_noise.relaxed((points + offset) % 1, 3) - shifted
     assert np.max(np.abs(difference - difference.round())) < 1e-9
 
 

@@ -7,12 +7,12 @@ from tables import first
 import analysis
 from qmcjax import sequences
 from qmcjax.core import finite_field
-from qmcjax.sequences._digital.sz import _columns, _nim_product
+from qmcjax.sequences._digital.constructions import _nim_product, _sz_columns
 
 
 def digits_of(component: int) -> np.ndarray:
     """Return the matrix of 32 rows and 64 columns."""
-    words = _columns(component)
+    words = _sz_columns(component)
     return (words[None, :] >> np.arange(31, -1, -1, dtype=np.uint32)[:, None]) & 1
 
 

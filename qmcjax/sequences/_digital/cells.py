@@ -1,4 +1,4 @@
-"""From a cell of a raster to the indices of the points of a net in it, also after a scrambling.
+"""Products of generator matrices over F2, and their inverses: from a cell of a raster to its points.
 
 Nets invert themselves; for a digital sequence linear equations over F2 are solved. Each ``4**k`` consecutive
 points of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells per side: a frame. The
@@ -6,6 +6,7 @@ frame gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
 import abc
+import math
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Protocol, runtime_checkable
@@ -15,11 +16,48 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from numpy.typing import NDArray
 
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.traces import traced_once
 from qmcjax.core.varying import alike
-from qmcjax.sequences._digital.matrix_products import selected
+
+_TABLE_FROM = 4096
+"""Number of indices from which tables of the products with all bytes pay off."""
+
+
+def product(columns: Array, index: Array) -> Array:
+    """Xor the columns that the bits of the index select: (32[, dims]), (...) -> (...[, dims])."""
+    if math.prod(index.shape) < _TABLE_FROM:
+        return selected(columns, index)
+    byte = jax.lax.iota(jnp.uint32, 256)
+    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
+    for shift in (0, 8, 16, 24):
+        table = selected(columns[shift : shift + 8], byte)
+        # A byte is within its table: this skips bounds checks.
+        words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
+    return words
+
+
+def packed(matrices: NDArray) -> NDArray[np.uint32]:
+    """Pack matrices over F2, (dims, up to 32 rows, columns), into words: columns, the first row in bit 31."""
+    weights = np.uint32(1) << np.arange(31, 31 - matrices.shape[1], -1, dtype=np.uint32)
+    return np.einsum("jrc,r->jc", matrices.astype(np.uint32), weights)
+
+
+@traced_once
+def selected(columns: Array | np.ndarray, index: Array) -> Array:
+    """Xor the columns that the bits of the index select, one by one."""
+    words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
+    for k in range(columns.shape[0]):
+        # 0 - 1 wraps to all ones: a mask instead of a comparison and a select.
+        mask = np.uint32(0) - ((index >> k) & np.uint32(1))
+        if columns.ndim == 1:
+            words = words ^ (mask & columns[k])
+        else:
+            words = words ^ (mask[..., None] & columns[k].reshape((1,) * index.ndim + (-1,)))
+    return words
 
 
 @runtime_checkable

@@ -7,9 +7,13 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.sequences._digital import joe_kuo
 from qmcjax.sequences._digital.digital import Digital, digital
-from qmcjax.sequences._digital.sobol_matrix import DirectionNumbers, checked_numbers, columns_of
+from qmcjax.sequences._digital.sobol_matrix import (
+    DirectionNumbers,
+    checked_numbers,
+    columns_of,
+    joe_kuo_numbers,
+)
 from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
 _HEAD = "d s a m_i"
@@ -79,7 +83,7 @@ def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
             )
     if not lines:
         raise ValueError(f"{file.path}, must hold direction numbers, got none")
-    known = joe_kuo.numbers(slice(len(lines))) if kind == "sobol" else []
+    known = joe_kuo_numbers(slice(len(lines))) if kind == "sobol" else []
     if kind == "sobol" and len(known) < len(lines):
         raise wrong(
             file.path, lines[len(known)].number, f"the last of {len(known)} lines", f"{len(lines)} lines"

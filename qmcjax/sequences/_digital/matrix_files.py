@@ -9,13 +9,68 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
+from qmcjax.sequences._digital.cells import packed
 from qmcjax.sequences._digital.digital import digital
 from qmcjax.sequences._digital.direction_numbers import numbers_of, sobol_of
-from qmcjax.sequences._digital.latnet_files import components, interlaced, polynomial_lattice
-from qmcjax.sequences._digital.matrix_products import packed
 from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
-_WORD = 32
+WORD = 32
+"""Digits of a coordinate."""
+
+
+def components(file: IntegerFile) -> tuple[IntegerFile, int]:
+    """Return the file of the components of an interlaced net and the interlacing factor, else 1.
+
+    Of the three blocks of matrices of a scrambled net, the last is kept: those with which it was scrambled.
+    """
+    last = max((number for number, text in file.comments if text.startswith("columns of ")), default=0)
+    lines = [line for line in file.lines if line.number > last or len(line.values) == 1]
+    if len(lines) < 2 or "interlacing factor" not in lines[1].comment:
+        return file._replace(lines=lines), 1
+    dims, factor, count = file.header(3, "dimensions, interlacing factor, components")
+    if count != dims * factor:
+        raise wrong(file.path, lines[2].number, f"{dims} * {factor} components", count)
+    return file._replace(lines=lines[2:]), factor
+
+
+def interlaced(words: NDArray[np.uint32], factor: int) -> NDArray[np.uint32]:
+    """Return matrices whose rows are those of ``factor`` consecutive matrices in turn, (dims, 32)."""
+    matrices = np.zeros((len(words) // factor, WORD), np.uint32)
+    for row in range(WORD):
+        bits = words[row % factor :: factor] >> np.uint32(WORD - 1 - row // factor) & np.uint32(1)
+        matrices |= bits << np.uint32(WORD - 1 - row)
+    return matrices
+
+
+def polynomial_lattice(file: IntegerFile) -> NDArray[np.uint32]:
+    """Return the matrices of a polynomial lattice rule: digits l + c of q / p in row l and column c."""
+    names = "dimensions, degree, modulus" if file.heading.latnet else "base, dimensions, degree, modulus"
+    *base, dims, degree, modulus = file.header(names.count(",") + 1, names)
+    head = file.lines[len(base) : len(base) + 3]
+    if base not in ([], [2]):
+        raise wrong(file.path, file.lines[0].number, "base 2, for a polynomial lattice", base)
+    if not 1 <= degree <= WORD:
+        raise wrong(file.path, head[1].number, f"a degree in [1, {WORD}]", degree)
+    if modulus.bit_length() != degree + 1:
+        raise wrong(file.path, head[2].number, f"a polynomial of degree {degree}", modulus)
+    vector = file.lines[len(base) + 3 :]
+    if len(vector) != dims:
+        raise wrong(
+            file.path, file.lines[-1].number, f"the last of {dims} polynomials", f"{len(vector)} lines"
+        )
+    words = np.zeros((dims, WORD), np.uint32)
+    for j, line in enumerate(vector):
+        if len(line.values) != 1 or line.values[0] >= 2**degree:
+            raise wrong(file.path, line.number, f"one polynomial of degree below {degree}", line.values)
+        remainder, series = line.values[0], 0
+        for _ in range(WORD - 1 + degree):
+            digit = remainder >> (degree - 1)
+            remainder = remainder << 1 ^ digit * modulus
+            series = series << 1 | digit
+        words[j, :degree] = [series >> (degree - 1 - c) & 2**WORD - 1 for c in range(degree)]
+    return words
+
+
 _MOST = 4096
 """Largest number of rows of a matrix."""
 
@@ -177,13 +232,13 @@ def _digits(value: int, rows: int, base: int) -> list[int]:
 
 def _words(table: list[list[int]], rows: int, upward: bool) -> NDArray[np.uint32]:
     """Return columns as words of 32 digits, of which the first is the highest."""
-    kept = [line[:_WORD] for line in table]
+    kept = [line[:WORD] for line in table]
     if upward:
-        low = np.array([[value % 2**_WORD for value in line] for line in kept], np.uint32)
+        low = np.array([[value % 2**WORD for value in line] for line in kept], np.uint32)
         words = np.asarray(reverse(jnp.asarray(low)))
     else:
-        words = np.array([[(value << _WORD) >> rows for value in line] for line in kept], np.uint32)
-    return np.pad(words, ((0, 0), (0, _WORD - words.shape[1])))
+        words = np.array([[(value << WORD) >> rows for value in line] for line in kept], np.uint32)
+    return np.pad(words, ((0, 0), (0, WORD - words.shape[1])))
 
 
 def _of_rows(file: IntegerFile, size: int, base: int) -> NDArray:
@@ -194,8 +249,8 @@ def _of_rows(file: IntegerFile, size: int, base: int) -> NDArray:
     matrices = np.array(table, np.int64).reshape(-1, size, size)
     if base != 2:
         return matrices
-    words = packed(matrices[:, :_WORD])[:, :_WORD]
-    return np.pad(words, ((0, 0), (0, _WORD - words.shape[1])))
+    words = packed(matrices[:, :WORD])[:, :WORD]
+    return np.pad(words, ((0, 0), (0, WORD - words.shape[1])))
 
 
 def matrices_text(matrices: ArrayLike) -> str:
@@ -225,6 +280,6 @@ def matrices_text(matrices: ArrayLike) -> str:
     words = np.asarray(digital(matrices).matrices)  # pyright: ignore[reportArgumentType]
     used = np.flatnonzero(words.any(axis=0))
     columns = int(used[-1]) + 1 if used.size else 1
-    head = ["# dnet", "2  # base", f"{len(words)}  # dimensions", f"{columns}  # columns", f"{_WORD}  # rows"]
+    head = ["# dnet", "2  # base", f"{len(words)}  # dimensions", f"{columns}  # columns", f"{WORD}  # rows"]
     lines = [" ".join(map(str, row)) for row in words[:, :columns].tolist()]
     return "\n".join([*head, *lines, ""])

@@ -1,4 +1,4 @@
-"""The generator matrix of a Sobol' component from an irreducible polynomial."""
+"""Generator matrices of Sobol' components from irreducible polynomials: given ones, Joe and Kuo's."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -10,7 +10,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, finite_field
+from qmcjax.core import checks, finite_field, tables
 
 
 def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
@@ -143,3 +143,24 @@ def _common(a: int, b: int) -> int:
 
 def _prime_factors(number: int) -> set[int]:
     return {p for p in range(2, number + 1) if number % p == 0 and finite_field.is_prime(p)}
+
+
+@lru_cache(maxsize=16)
+def matrices_of(dims: int) -> np.ndarray:
+    """Return the matrices of components 1 to dims - 1 by Eq. 5.13 (0 is the identity), read-only."""
+    matrices = columns_of(joe_kuo_numbers(slice(dims - 1)))
+    matrices.flags.writeable = False
+    return matrices
+
+
+@lru_cache
+def columns_beyond(dim: int) -> np.ndarray:
+    """Return columns 32 to 63 of the matrix of component ``dim`` > 0, their first 32 rows, as fractions."""
+    return columns_of(joe_kuo_numbers(slice(dim - 1, dim)), 64)[0, 32:]
+
+
+def joe_kuo_numbers(components: slice) -> list[DirectionNumbers]:
+    """Return direction numbers of components, from component 1 on."""
+    table = tables.arrays("sequences", "joe_kuo.npz", "polynomials", "initial")
+    pairs = zip(*(array[components].tolist() for array in table), strict=True)
+    return [DirectionNumbers(p, tuple(initial[: p.bit_length() - 1])) for p, initial in pairs]

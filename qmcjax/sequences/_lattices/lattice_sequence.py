@@ -1,7 +1,11 @@
-"""The extensible rank-1 lattice sequence in base 2, by exact integer arithmetic modulo 1."""
+"""Unbounded sequences of multiples modulo 1: the lattice sequence and Kronecker sequences."""
 
 import abc
+from dataclasses import replace
+from fractions import Fraction as Rational
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -10,8 +14,7 @@ from qmcjax.core import checks, tables
 from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Derived
-from qmcjax.sequences._protocol.binary import WordFirst
-from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.binary import Fraction, WordFirst
 
 LATTICE_DIMS = 250
 """Number of components of Cools, Kuo and Nuyens' vector."""
@@ -106,3 +109,161 @@ def lattice(dims: int) -> LatticeSequence:
     dims = checks.integer("dims", dims, 1, LATTICE_DIMS)
     vector = np.array(tables.rows("sequences", "ckn_lattice_vector.txt")).astype(np.uint32).ravel()
     return LatticeSequence(jnp.asarray(vector[:dims]))
+
+
+ROBERTS_DIMS = 64
+
+_DIGITS = 96
+"""Digits of a step: 64 of an index, and 32 of a coordinate."""
+
+
+@frozen_pytree
+class Kronecker(WordFirst):
+    """Point i is i times a vector modulo 1, rounded down to 32 digits."""
+
+    steps: Array
+    """uint32 (dims, 3): the digits of the vector, 1 to 32 in word 0."""
+    high: Array | None = None
+    """Upper words of 64-bit indices."""
+
+    called = "kronecker"
+
+    @property
+    def dims(self) -> int:
+        return self.steps.shape[0]
+
+    @property
+    def limit_64(self) -> int:
+        return checks.INDEX_LIMIT**2
+
+    def with_high_word(self, high: Array) -> "Kronecker":
+        return replace(self, high=high)
+
+    def word(self, index: Array, dim: int) -> Array:
+        return _multiple(self.steps[dim], index, np.uint32(0) if self.high is None else self.high)
+
+
+def _multiple(step: Array, low: Array, high: Array | np.uint32) -> Array:
+    """Return the upper word of ``(high * 2**32 + low) * step`` modulo 2**96.
+
+    As in long multiplication: a product of two words and one more word fit 64 bits.
+    """
+    with jax.enable_x64(True):
+        first, second, third = (step[k].astype(jnp.uint64) for k in range(3))
+        low, high = low.astype(jnp.uint64), high.astype(jnp.uint64)
+        shift, mask = np.uint64(32), np.uint64(2**32 - 1)
+        middle = low * second + (low * third >> shift)
+        carried = (high * third + (middle & mask) >> shift) + (middle >> shift)
+        return (low * first + high * second + carried).astype(jnp.uint32)
+
+
+def kronecker(steps: Any) -> Kronecker:
+    """Make a Kronecker sequence: point i is i times a vector, modulo 1.
+
+    Parameters
+    ----------
+    steps : iterable of numbers, one for each dimension
+        Finite floats, or exact numbers such as ``fractions.Fraction``, but not integers. Only the value
+        modulo 1 matters; a float stands for its exact rational value.
+
+    Returns
+    -------
+    Kronecker
+        Each step is rounded to the nearest multiple of 2**-96. Its multiples are exact, and rounded down to
+        32 digits: no index, of 32 or of 64 bits, loses precision. Coordinate j of point i differs from that
+        of the given vector by less than 2**-32.
+
+    Notes
+    -----
+    A float64 step has at most 53 digits after the radix point if it is in [0.5, 1): its multiples repeat
+    after 2**53 points, and differ from those of the intended irrational number by up to i * 2**-54.
+
+    References
+    ----------
+    .. [1] L. Kuipers, H. Niederreiter, "Uniform Distribution of Sequences", 1974, Sect. 1.6 and 2.3.
+
+    Examples
+    --------
+    >>> print(kronecker([0.25, 0.625]).points(4))
+    [[0.    0.   ]
+     [0.25  0.625]
+     [0.5   0.25 ]
+     [0.75  0.875]]
+    """
+    wanted = "numbers, one for each dimension"
+    try:
+        given = list(np.asarray(steps) if isinstance(steps, Array) else steps)
+    except TypeError:
+        raise TypeError(f"steps must be {wanted}, got {checks.shown(steps)}") from None
+    if not given:
+        raise ValueError(f"steps must be {wanted}, got none")
+    return _of_integers([_rounded(step, wanted) for step in given])
+
+
+def roberts(dims: int = 2) -> Kronecker:
+    """Make Roberts' sequence R_d, in two dimensions R2: the Kronecker sequence of a generalised golden ratio.
+
+    The steps are the powers p**-1, ..., p**-d of the root p > 1 of p**(d + 1) = p + 1: the golden ratio for
+    d = 1, the plastic number for d = 2.
+
+    Parameters
+    ----------
+    dims : int, d in [1, 64]
+
+    Returns
+    -------
+    Kronecker
+        Point 0 is the origin. In [1]_ it is (0.5, ..., 0.5): use :func:`rotate`.
+
+    Notes
+    -----
+    The polynomial is irreducible [2]_, so 1 and the steps are a basis of a number field: no multiple k of the
+    steps is closer to an integer vector than a constant times k**(-1 / d) [3]_, the best possible order. p is
+    a Pisot number for d = 1 and 2 only. The discrepancy in [1]_ is measured, not proven.
+
+    References
+    ----------
+    .. [1] M. Roberts, "The Unreasonable Effectiveness of Quasirandom Sequences", 2018.
+    .. [2] E. S. Selmer, "On the irreducibility of certain trinomials", 1956.
+    .. [3] J. W. S. Cassels, "Simultaneous Diophantine approximation II", 1955.
+
+    Examples
+    --------
+    >>> print(roberts().points(3))
+    [[0.         0.        ]
+     [0.7548776  0.56984025]
+     [0.5097553  0.13968056]]
+    """
+    dims = checks.integer("dims", dims, 1, ROBERTS_DIMS)
+    # p < 2 by bisection, with 64 extra digits: powers up to 64 lose less than 8 of them.
+    digits = _DIGITS + 64
+    unit = 1 << digits
+    low, high = unit, 2 * unit
+    while high - low > 1:
+        middle = (low + high) // 2
+        power = middle
+        for _ in range(dims):
+            power = power * middle >> digits
+        low, high = (middle, high) if power <= middle + unit else (low, middle)
+    return _of_integers([_rounded(Rational(unit, low) ** j, "") for j in range(1, dims + 1)])
+
+
+def _rounded(step: Any, wanted: str) -> int:
+    """Return a number modulo 1 in units of 2**-96."""
+    try:
+        if isinstance(step, bool | np.bool_):
+            raise TypeError
+        exact = Rational(*step.as_integer_ratio())
+    except (AttributeError, TypeError):
+        raise TypeError(f"steps must be {wanted}, got {checks.shown(step)} among them") from None
+    except (OverflowError, ValueError):
+        raise ValueError(f"steps must be finite, got {checks.shown(step)} among them") from None
+    units = round(exact * 2**_DIGITS) % 2**_DIGITS
+    if not units:
+        raise ValueError(f"steps must not be integers, got {checks.shown(step)} among them")
+    return units
+
+
+def _of_integers(steps: list[int]) -> Kronecker:
+    words = [[step >> shift & 0xFFFFFFFF for shift in (64, 32, 0)] for step in steps]
+    return Kronecker(jnp.asarray(np.array(words, np.uint32)))

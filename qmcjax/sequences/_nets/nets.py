@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.bits import gray_decode, gray_encode, pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._digital.cells import selected
 from qmcjax.sequences._digital.digital import identity, larcher_sobol
-from qmcjax.sequences._digital.matrix_products import selected
 from qmcjax.sequences._protocol.binary import BinarySequence
 
 

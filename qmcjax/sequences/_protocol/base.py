@@ -1,4 +1,4 @@
-"""The interface of a sequence: from an index to a point, at random access."""
+"""The interface of a sequence: from an index to a point, at random access, and to its digits."""
 
 import abc
 import dataclasses
@@ -279,3 +279,32 @@ class PointByPoint(Derived):
 def _points(sequence: Sequence, start: Array, n: int, dtype: DTypeLike) -> Array:
     index = start + jax.lax.iota(jnp.uint32, n)
     return sequence.coordinates(index, tuple(range(sequence.dims)), dtype)
+
+
+class DigitSequence(Sequence):
+    """A sequence with finitely many digits per coordinate, in one base for each."""
+
+    bases: tuple[int, ...]
+
+    @property
+    def dims(self) -> int:
+        return len(self.bases)
+
+    @abc.abstractmethod
+    def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
+        """Return the digits of coordinates for scramblers: span by span, first digits first.
+
+        One number for each of the ``digit_spans`` of the base; its lowest digit is the first one after the
+        radix point. ``dims``: broadcastable to ``index``: one coordinate, or several with equally many
+        ``digit_spans`` of one digit each. Traced only if all bases are the same.
+        """
+
+
+def with_digits(name: str, value: Any) -> DigitSequence:
+    """Return a sequence with access to digits unchanged, or raise a TypeError."""
+    if not isinstance(value, DigitSequence):
+        raise TypeError(
+            f"{name} must be a sequence with digits, either in base 2 (one that has .bits) "
+            f"or one of halton, faure and van_der_corput, got {checks.shown(value)}"
+        )
+    return value

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, draws, thue_morse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Moved
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
-from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
 
 _FEW = 32

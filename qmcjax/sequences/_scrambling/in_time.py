@@ -11,9 +11,8 @@ from qmcjax.core.bits import pascal
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.digital import sobol
 from qmcjax.sequences._protocol.base import PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst, as_binary
-from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._scrambling.components import BinaryComponents
+from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, FractionFirst, as_binary
+from qmcjax.sequences._scrambling.selections import BinaryComponents
 
 _FIRST = (2, 0, 1)
 """The coordinates of Sobol's sequence for the first numbers of frames, then 3, 4, ...

@@ -10,10 +10,9 @@ from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.varying import alike
 from qmcjax.sequences._digital.digital import Digital
-from qmcjax.sequences._protocol.binary import BinarySequence, as_binary
-from qmcjax.sequences._protocol.fraction import Fraction
-from qmcjax.sequences._scrambling.digital_shift import DigitalShift, digital_shift
+from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims
+from qmcjax.sequences._scrambling.shifts import DigitalShift, digital_shift
 
 
 @frozen_pytree

@@ -10,10 +10,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.digits import alike
-from qmcjax.sequences._protocol.base import FEW, Derived, PointByPoint
-from qmcjax.sequences._protocol.binary import BinarySequence, FractionFirst
-from qmcjax.sequences._protocol.digit_sequence import DigitSequence
-from qmcjax.sequences._protocol.fraction import Fraction
+from qmcjax.sequences._protocol.base import FEW, Derived, DigitSequence, PointByPoint
+from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, FractionFirst
 
 
 @dataclass(frozen=True, eq=False, repr=False)

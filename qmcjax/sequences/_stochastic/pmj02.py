@@ -9,7 +9,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, draws
-from qmcjax.sequences._protocol.tabulated import Tabulated
+from qmcjax.sequences._protocol.plug_in import Tabulated
 from qmcjax.sequences._stochastic.net_by_net import checked_sizes, drawn, to_earlier
 
 

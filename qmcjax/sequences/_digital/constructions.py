@@ -1,0 +1,315 @@
+"""Digital sequences in base 2 by other constructions than Sobol's, or with other direction numbers."""
+
+from dataclasses import field
+from functools import cache, lru_cache
+from importlib import resources
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import NDArray
+
+from qmcjax.core import checks, tables
+from qmcjax.core.bits import pascal, reverse
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._digital.cells import packed, selected
+from qmcjax.sequences._digital.digital import Digital, digital, identity
+from qmcjax.sequences._digital.direction_numbers import read_direction_numbers, sobol_of
+from qmcjax.sequences._digital.sobol_matrix import matrices_of
+from qmcjax.sequences._protocol.binary import BinarySequence
+
+# fmt: off
+_CASCADE = (
+    1, 1, 2, 2, 2, 2, 4, 3, 18, 2, 2, 2, 2, 23, 9, 8, 3, 1, 39, 8, 29, 1, 3, 23, 31, 35, 13, 60, 36, 35, 24,
+)
+# fmt: on
+"""The component of Joe and Kuo's table, from 1, that maps each dimension to the next."""
+
+CASCADED_DIMS = 1 + len(_CASCADE)
+
+
+@frozen_pytree
+class DigitalNet(Digital):
+    """The first 2**m points of matrices of order m, which do not extend to a sequence."""
+
+    m: int = field(default=32, metadata={"static": True})
+
+    called = "cascaded_net"
+    reported = ("dims", "m")
+
+    @property
+    def size(self) -> int:
+        return 2**self.m
+
+    def inverted(self, log_side: int) -> Any:
+        """Raise: there are no frames."""
+        return BinarySequence.inverted(self, log_side)
+
+
+def cascaded_net(m: int, dims: int) -> DigitalNet:
+    """Make a net of 2**m points with (0,m,2)-nets in all consecutive pairs of dimensions.
+
+    The first coordinate is i / 2**m. Each further coordinate is a component of the Sobol' sequence, with 2**m
+    times the previous coordinate as index.
+
+    Parameters
+    ----------
+    m : int, in [1, 32]
+    dims : int, in [1, 32]; fewer dimensions are the first of these
+
+    Returns
+    -------
+    DigitalNet
+        The net for m is not part of the net for m + 1.
+
+    Notes
+    -----
+    The construction is that of [1]_; the components are from our own search
+    (``analysis/tables/make_cascade.py``) among Joe and Kuo's, one after the other, for small t of all pairs,
+    and of three and four consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P,
+    that of x + 1, for all dimensions, every third dimension is the same, since (P J)**3 is the identity,
+    where J reverses the digits. Over all pairs of the 32 dimensions, the mean of t is 2.1, 2.7 and 3.3 for m
+    = 8, 12 and 15, the largest t 6, 8 and 11; for :func:`sobol` the mean is 2.2, 2.5 and 2.9, the largest 5,
+    5 and 6.
+
+    References
+    ----------
+    .. [1] L. Paulin, D. Coeurjolly, J.-C. Iehl, N. Bonneel, A. Keller, V. Ostromoukhov, "Cascaded Sobol'
+       Sampling", ACM Trans. Graph. 40(6), 2021.
+
+    Examples
+    --------
+    >>> print((cascaded_net(2, 4).points(4) * 4).astype(int))
+    [[0 0 0 0]
+     [1 2 3 1]
+     [2 3 1 2]
+     [3 1 2 3]]
+    """
+    m = checks.integer("m", m, 1, 32)
+    dims = checks.integer("dims", dims, 1, CASCADED_DIMS)
+    matrices = matrices_of(max(_CASCADE) + 1)
+    columns = np.zeros((dims, 32), np.uint32)
+    columns[0, :m] = np.uint32(1) << np.arange(32 - m, 32, dtype=np.uint32)
+    for dim, component in enumerate(_CASCADE[: dims - 1], start=1):
+        index = columns[dim - 1, :m] >> np.uint32(32 - m)
+        digits = index[:, None] >> np.arange(m, dtype=np.uint32) & np.uint32(1)
+        columns[dim, :m] = np.bitwise_xor.reduce(digits * matrices[component - 1, :m], axis=1)
+    return DigitalNet(jnp.asarray(columns), m=m)
+
+
+ONE_TWO_DIMS = 20
+
+
+def one_two(dims: int) -> Digital:
+    """Make a Sobol' sequence with (1,2)-sequences in base 2 as components 2 k and 2 k + 1.
+
+    The first pair is that of :func:`sobol`, a (0,2)-sequence.
+
+    Parameters
+    ----------
+    dims : int, in [1, 20]; fewer dimensions are the first of these
+
+    Returns
+    -------
+    Digital
+        The value t of the pairs is verified for all nets of up to 2**32 points.
+
+    Notes
+    -----
+    In Sobol's construction x and x + 1 give the only (0,2)-sequence. The polynomials p and p**2 + p + 1 can
+    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/make_one_two.py``), for
+    all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They are
+    not those of [1]_.
+
+    References
+    ----------
+    .. [1] N. Bonneel, D. Coeurjolly, J.-C. Iehl, V. Ostromoukhov, "Sobol' Sequences with Guaranteed-Quality
+       2D Projections", ACM Trans. Graph. 44(4), 2025.
+
+    Examples
+    --------
+    >>> print((one_two(4).points(4) * 4).astype(int))
+    [[0 0 0 0]
+     [2 2 2 2]
+     [1 3 3 1]
+     [3 1 1 3]]
+    """
+    dims = checks.integer("dims", dims, 1, ONE_TWO_DIMS)
+    with resources.as_file(tables.file("sequences", "one_two.txt")) as path:
+        numbers = read_direction_numbers(path)
+    return digital(sobol_of(numbers).matrices[:dims])
+
+
+SZ_DIMS = 256
+
+_SZ_ORDER = 64
+"""Order of the matrices: the digits of a 64-bit index."""
+
+
+def sz(dims: int) -> Digital:
+    """Make a (0,256)-sequence in base 256 of (0,16)-, (0,4)- and (0,2)-sequences in bases 16, 4 and 2.
+
+    Components 2 k and 2 k + 1 are a (0,2)-sequence in base 2 for each k, components 4 k to 4 k + 3 a
+    (0,4)-sequence in base 4, components 16 k to 16 k + 15 a (0,16)-sequence in base 16, and all 256 a
+    (0,256)-sequence in base 256. Fewer dimensions are the first of these: the first two are :func:`sobol`'s.
+
+    Parameters
+    ----------
+    dims : int, in [1, 256]
+
+    Notes
+    -----
+    Sequences with these properties are introduced in [1]_; their matrices are found by a search over two
+    alphabets of 2 x 2 blocks. Ours are constructed instead, and may differ. Let F be the field of 2**q
+    elements for q = 1, 2, 4, 8, and C_F(a) the generator matrix of Faure's sequence for a in F: its element
+    in row j and column r is binom(r, j) a**(r - j). As a binary matrix, it has the q x q matrix of
+    multiplication by an element in place of that element. With the elements numbered as Conway's nimbers
+    [2]_, the number c is a sum of its bit 0 in F_2, bit 1 in F_4, bits 2 and 3 in F_16 and bits 4 to 7 in
+    F_256, and component c has the matrix
+
+        C_2(c & 1) C_4(c & 2) C_16(c & 12) C_256(c & 240).
+
+    Why this works: C_F(a) C_F(b) = C_F(a + b). By Lucas' theorem, C_F(a) for a in F is B C_E(a**2), where E
+    is the field of the square of F's size, and B has only diagonal blocks, invertible, one for each digit of
+    E. So the product up to F is D C_F(a), where D is such a matrix for F, and a in F runs through all
+    elements with the bits of c up to F. These are components of Faure's sequence over F, times the rest of
+    the product from the right, the same for all components of a group. Neither D nor the rest changes t = 0:
+    the rest is upper triangular with unit diagonal, in blocks of the digits of F, too.
+
+    Pairs of coordinates that are no (0,2)-sequence can be worse than those of :func:`sobol`, whose RMS errors
+    at 512 Owen-scrambled points are .72, .98, .92 and .81 times as large in coordinates 0, 2; 0, 3; 1, 2 and
+    1, 3, on average over half-planes, discs, smooth bumps and products, and .46 and .55 times for the smooth
+    ones in coordinates 0, 2. In the first four dimensions together they are .65 to .85 times as large for
+    2**7, 2**9, 2**11 and 2**13 points, which are no powers of 4, and .98 to 1.26 times for 2**6, ..., 2**14.
+
+    References
+    ----------
+    .. [1] A. G. M. Ahmed et al., "SZ Sequences: Binary-Constructed (0, 2^q)-Sequences", arXiv 2505.20434,
+       2025.
+    .. [2] J. H. Conway, "On Numbers and Games", 1976, chapter 6.
+    .. [3] H. Niederreiter, "Point sets and sequences with small discrepancy", 1987: (0,s)-sequences over any
+       finite field.
+
+    Examples
+    --------
+    >>> print((sz(4).points(4) * 4).astype(int))
+    [[0 0 0 0]
+     [2 2 2 2]
+     [1 3 1 3]
+     [3 1 3 1]]
+    """
+    dims = checks.integer("dims", dims, 1, SZ_DIMS)
+    words = np.stack([_sz_columns(dim)[:32] for dim in range(dims)])
+    return Digital(jnp.asarray(words), (identity, pascal)[:dims], _sz_beyond, "sz")
+
+
+def _sz_beyond(dim: int, high: Array) -> Array:
+    return reverse(selected(_sz_columns(dim)[32:], high))
+
+
+@lru_cache(maxsize=SZ_DIMS)
+def _sz_columns(component: int) -> NDArray[np.uint32]:
+    """Return the first 32 rows of the 64 columns of a component's matrix, the first row in bit 31."""
+    matrix = np.eye(_SZ_ORDER, dtype=np.int64)
+    for bits, part in ((1, 1), (2, 2), (4, 12), (8, 240)):
+        if component & part:
+            matrix = matrix @ _field_pascal(component & part, bits) % 2
+    return packed(matrix[None, :32])[0]
+
+
+def _field_pascal(element: int, bits: int) -> NDArray[np.int64]:
+    """Return C_F(element) for the field F of 2**bits elements, as a binary matrix."""
+    count = _SZ_ORDER // bits
+    matrix = np.zeros((count, bits, count, bits), np.int64)
+    power = 1
+    for distance in range(count):
+        # Column k holds the product with the element of bit k.
+        columns = [_nim_product(power, 1 << k) for k in range(bits)]
+        block = np.array([[column >> i & 1 for column in columns] for i in range(bits)])
+        for j in range(count - distance):
+            if j & distance == 0:  # binom(j + distance, j) is odd, by Kummer's theorem.
+                matrix[j, :, j + distance] = block
+        power = _nim_product(power, element)
+    return matrix.reshape(_SZ_ORDER, _SZ_ORDER)
+
+
+def _nim_product(a: int, b: int, half: int = 4) -> int:
+    """Multiply elements of the field of 2**(2 half) numbers: pairs over the field of 2**half.
+
+    Sums are xors, and the numbers below 2**half are the subfield. The number i = 2**half has the square
+    i + 2**(half - 1).
+    """
+    if half == 0:
+        return a & b
+    low_a, high_a, low_b, high_b = a % 2**half, a >> half, b % 2**half, b >> half
+    lows = _nim_product(low_a, low_b, half // 2)
+    highs = _nim_product(high_a, high_b, half // 2)
+    cross = _nim_product(low_a ^ high_a, low_b ^ high_b, half // 2)
+    return (cross ^ lows) << half ^ lows ^ _nim_product(highs, 1 << (half - 1), half // 2)
+
+
+NIEDERREITER_XING_DIMS = 11
+
+
+def niederreiter_xing(dims: int) -> Digital:
+    """Make a Niederreiter-Xing sequence, a (t,s)-sequence in base 2 of small t.
+
+    The value t is 0 for 1 and 2 dimensions, 1 for 3 and 4, and 2, 3, 4, 5, 7, 8, 9 for 5 to 11. In base 2
+    none can be smaller in up to 4 dimensions. For :func:`sobol`, t is bounded by 0, 0, 1, 3, 5, 8, 11, 15,
+    19, 23, 27 [3]_.
+
+    Parameters
+    ----------
+    dims : int, in [1, 11]
+        Each number of dimensions has matrices of its own, but 1 and 3, which are the first of 2 and 4.
+
+    Notes
+    -----
+    The construction is that of [1]_ for function fields over F_2 of genus t with one rational place more than
+    dimensions; in four dimensions the elliptic curve y^2 + y = x^3 + x. A fixed place gives the digits of
+    functions, which have poles at one of the others for each coordinate (its theorem and proof:
+    ``analysis/tables/make_niederreiter_xing.py``, which makes the matrices). They are not those of [2]_,
+    which have the same t.
+
+    A small t of all coordinates does not mean good projections. In four dimensions, every pair has t = 1
+    for m >= 4, and every single coordinate for m = 5, 10, 15, ...; the first two coordinates of Sobol's
+    have t = 0. For 2**6 to 2**14 points, Owen-scrambled, Sobol's RMS errors are 1.20 times as large in all
+    four dimensions, on average over half-spaces, balls, smooth bumps and products, but .83 times as large in
+    the first two coordinates, .96 and .97 times in coordinates 1, 2 and 0, 2, and 1.16 to 1.19 times in the
+    other pairs. In eight dimensions, pairs have t = 2.1 on average for m = 6, 8,
+    ..., 14, Sobol's 1.7.
+
+    Digital sequences in base 2 with t <= 1 in four dimensions end at 2**9 points if a single coordinate has
+    t = 0, and at 2**5 if a pair has: exhaustive searches find no others
+    (``analysis/tables/search_columns.py``).
+
+    References
+    ----------
+    .. [1] C. Xing, H. Niederreiter, "A construction of low-discrepancy sequences using global function
+       fields", Acta Arith. 73, 1995, Theorem 1.
+    .. [2] G. Pirsic, "A software implementation of Niederreiter-Xing sequences", 2002.
+    .. [3] H. Niederreiter, "Random Number Generation and Quasi-Monte Carlo Methods", 1992, Sect. 4.5.
+
+    Examples
+    --------
+    >>> print((niederreiter_xing(4).points(4) * 4).astype(int))
+    [[0 0 0 0]
+     [2 2 2 2]
+     [1 3 3 1]
+     [3 1 1 3]]
+    """
+    dims = checks.integer("dims", dims, 1, NIEDERREITER_XING_DIMS)
+    known = _niederreiter_xing_matrices()
+    return digital(known[min(size for size in known if size >= dims)][:dims])
+
+
+@cache
+def _niederreiter_xing_matrices() -> dict[int, NDArray[np.uint32]]:
+    """Read the matrices, by the number of dimensions."""
+    lines = tables.rows("sequences", "niederreiter_xing.txt")
+    found: dict[int, NDArray[np.uint32]] = {}
+    for dims, *_ in lines:
+        words = [[int(word, 16) for word in line[1:]] for line in lines if line[0] == dims]
+        found[int(dims)] = np.array(words, np.uint32)
+    return found

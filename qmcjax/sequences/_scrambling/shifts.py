@@ -1,0 +1,207 @@
+"""The same map for all points: digital shifts, rotations, and random permutations of digits."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from qmcjax.core import checks, draws
+from qmcjax.core.bits import reverse
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
+from qmcjax.core.fractions import fractions_or_key, plus_modulo_1
+from qmcjax.core.permuted_digits import joined, permuted_spans, table_starts
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.sequences._digital.cells import Flipped
+from qmcjax.sequences._halton.halton import random_tables
+from qmcjax.sequences._protocol.base import DigitSequence, PointByPoint, Sequence, with_digits
+from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
+from qmcjax.sequences._protocol.plug_in import as_sequence
+from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, of_dims
+
+
+@frozen_pytree
+class DigitalShift(Scrambled):
+    """A sequence with digits flipped by one word per coordinate."""
+
+    shifts: Array
+    """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
+
+    called = "digital_shift"
+
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        return fraction.mapped(
+            lambda word: word ^ of_dims(self.shifts, dims, word),
+            lambda bits: bits ^ reverse(of_dims(self.shifts, dims, bits)),
+        )
+
+    def inverted(self, log_side: int) -> Any:
+        """Return an object that finds points from their cells, which the shift permutes."""
+        return Flipped(self.sequence.inverted(log_side), self.shifts)
+
+
+def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
+    """Shift a sequence in base 2 digitally: add a random vector over F2, without carries.
+
+    Every (t,m,s)-net stays one, each point is uniform on the unit cube, and the coordinates are
+    shifted independently; two points keep the exclusive or of their digits.
+
+    Parameters
+    ----------
+    sequence : BinarySequence, with ``bits``
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.4, "Scrambling".
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> bits = digital_shift(sequences.sobol(1), key=1).bits(jnp.arange(2, dtype=jnp.uint32))
+    >>> print(bits[0] ^ bits[1])
+    [2147483648]
+    """
+    sequence = as_binary("sequence", sequence)
+    return DigitalShift(sequence, draws.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32))
+
+
+@frozen_pytree
+class RotatedBinary(Scrambled):
+    """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
+
+    offsets: Array
+    """uint32 (dims,): fractions."""
+
+    called = "rotate"
+
+    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+        return fraction.mapped(lambda word: word + of_dims(self.offsets, dims, word))
+
+
+@frozen_pytree
+class Rotated(PointByPoint):
+    """Any sequence plus one fraction per coordinate, modulo 1, rounded once in float64."""
+
+    sequence: Sequence
+    offsets: Array
+    """uint32 (dims,): fractions."""
+
+    called = "rotate"
+
+    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
+        return self.sequence.rotated_coordinate(index, dim, self.offsets[dim], dtype)
+
+    def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        with jax.enable_x64(True):
+            values = self.sequence.coordinates(index, dims, jnp.float64)
+            return plus_modulo_1(values, of_dims(self.offsets, dims, values), dtype)
+
+
+def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rotated:
+    """Shift all points of a sequence by one vector on the torus: the Cranley-Patterson rotation.
+
+    Toroidal distances are preserved, elementary intervals are not: where these matter, use
+    :func:`digital_shift` or :func:`owen`.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        In base 2 the sum is exact. For any other sequence it is computed in float64 and rounded once, but
+        never to 1.
+    offset_or_key : float or uint32 ArrayLike, shape (dims,); or jax.random.key, or int in [0, 2**32)
+        Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. A key draws them at random. A
+        new offset or key does not recompile.
+
+    Returns
+    -------
+    RotatedBinary or Rotated
+        The first has exact ``bits``, if ``sequence`` has.
+
+    References
+    ----------
+    .. [1] R. Cranley, T. N. L. Patterson, "Randomization of Number Theoretic Methods for Multiple
+       Integration", SIAM J. Numer. Anal. 13, 1976.
+    .. [2] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> print(rotate(sequences.sobol(2), [0.75, 0.5]).points(2))
+    [[0.75 0.5 ]
+     [0.25 0.  ]]
+    """
+    sequence = as_sequence("sequence", sequence)
+    offsets = fractions_or_key("offset_or_key", offset_or_key, (sequence.dims,))
+    if isinstance(sequence, BinarySequence):
+        return RotatedBinary(sequence, offsets)
+    return Rotated(sequence, offsets)
+
+
+@frozen_pytree
+class PermutedDigits(ScrambledDigits):
+    """A sequence with one permutation per digit, also of the zeros after the last digit."""
+
+    tables: Array
+    """uint16: the reflection tables of all coordinates, one after the other."""
+    tails: Array
+    """uint32 (dims,): the image of the zeros, as a fraction in base 2."""
+
+    called = "digit_scramble"
+
+    def _scrambled(self, index: Array, dims: np.ndarray | Array, dtype: DTypeLike) -> Array:
+        base = base_of(self.sequence.bases, dims)
+        start = jnp.asarray(word(table_starts(self.sequence.bases)))[dims]
+        numbers = permuted_spans(self.sequence.spans(index, dims), base, self.tables, start)
+        leading, last = joined(numbers, base)
+        return cell_fraction(leading, last, self.tails[dims], base, dtype, digit_spans(base)[-1])
+
+
+def digit_scramble(
+    sequence: BinarySequence | DigitSequence, key: Array | int
+) -> DigitalShift | PermutedDigits:
+    """Permute the digits of a sequence, by one uniform random permutation per digit and coordinate.
+
+    Elementary intervals are permuted: every (t,m,s)-net stays one, and so does the stratification of the
+    Halton sequence. Each point is uniform on the unit cube, the coordinates are scrambled independently. But
+    the permutations are the same for all points: the difference of two points after their common digits is
+    not random enough for the variances of :func:`owen`.
+
+    Parameters
+    ----------
+    sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
+        In base 2 the permutations are the identity and the flip: this is the same object as from
+        :func:`digital_shift` with the same key.
+    key : jax.random.key, or int in [0, 2**32); a new key does not recompile
+
+    Returns
+    -------
+    DigitalShift or PermutedDigits
+        The first in base 2, with exact ``bits``. In other bases all K = ``digit_count(b)`` digits of an index
+        are permuted, and the infinitely many zeros after them become one random number per coordinate. Values
+        are rounded as by :func:`owen`.
+
+    References
+    ----------
+    .. [1] J. Matousek, "On the L2-discrepancy for anchored boxes", J. Complexity 14, 1998.
+    .. [2] A. B. Owen, "A randomized Halton algorithm in R", 2017.
+
+    Examples
+    --------
+    >>> from qmcjax import sequences
+    >>> points = digit_scramble(sequences.halton(2), key=1).points(3)
+    >>> print(sorted((points[:, 1] * 3).astype(int).tolist()))
+    [0, 1, 2]
+    >>> sobol = sequences.sobol(2)
+    >>> print(digit_scramble(sobol, key=1).shifts == sequences.digital_shift(sobol, key=1).shifts)
+    [ True  True]
+    """
+    if isinstance(sequence, BinarySequence):
+        return digital_shift(sequence, key)
+    sequence = with_digits("sequence", sequence)
+    bases = sequence.bases
+    tables_key, tails_key = draws.split(checks.prng_key("key", key))
+    tails = draws.bits(tails_key, (len(bases),), jnp.uint32)
+    return PermutedDigits(sequence, random_tables(bases, tables_key), tails)

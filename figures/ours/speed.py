@@ -43,8 +43,8 @@ NOTE = (
     "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy its "
     "first points each time. Peers make float64. Their scrambling is linear, but for QMCPy's nested uniform "
     "one beside our exact Owen scrambling. {rays} {paths} {measures} Where there is a "
-    "GPU, rates of whole programs on it stand beside those on the processor and the bound that their "
-    "operations are for an H100. Peers not installed are left out "
+    "GPU, rates of whole programs on it stand beside those on the processor and what an H100 could do at "
+    "most, by the operations and bytes that XLA counts. Peers not installed are left out "
     "(pip install -e '.[bench]' brings QMCPy and torch)."
 )
 

@@ -1,4 +1,4 @@
-"""Rates on a GPU beside this machine's processor and the bound of an H100, and differences of bits.
+"""Rates on a GPU beside this machine's processor and a bound of an H100, and differences of bits.
 
 In a process of its own, which sees all devices.
 """
@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from numpy.typing import NDArray
 
-from figures.shared.timing.h100 import H100, Program, programs
-from figures.shared.timing.operations import operations
+import qmcjax as qj
 from figures.shared.turns import typical
+from qmcjax import orders, samplers, scenes, sequences
 
 FAST = (2**25, 2048, 64)
 """Points, side of images, samples per pixel where a GPU is timed: a thousand times what it does at once."""
@@ -27,42 +28,20 @@ LEAST = {"draft": 0.05, "paper": 0.5}
 AT_ONCE = 8
 """Calls in a row, so that a GPU does not wait for the next one."""
 
-NUMBERS = 2**20
-"""Numbers that each operation is tried with."""
+H100 = {"flops": 67e12, "bytes accessed": 3.35e12}
+"""Operations and bytes a second of an NVIDIA H100 SXM, at most, as XLA names them. From the datasheet and the
+architecture paper of 2022: operations on 32-bit integers are as fast as those on floats."""
 
-Operation = tuple[Callable[..., Any], tuple[str, ...]]
-"""A function, and what its arguments are drawn from."""
 
-OPERATIONS: dict[str, Operation] = {
-    "add": (jnp.add, ("real", "real")),
-    "subtract": (jnp.subtract, ("real", "real")),
-    "multiply": (jnp.multiply, ("real", "real")),
-    "divide": (jnp.divide, ("real", "real")),
-    "sqrt": (jnp.sqrt, ("positive",)),
-    "rsqrt": (jax.lax.rsqrt, ("positive",)),
-    "exponential": (jnp.exp, ("angle",)),
-    "log": (jnp.log, ("positive",)),
-    "power": (jnp.power, ("positive", "unit")),
-    "sine": (jnp.sin, ("angle",)),
-    "cosine": (jnp.cos, ("angle",)),
-    "tan": (jnp.tan, ("unit",)),
-    "tanh": (jnp.tanh, ("angle",)),
-    "atan2": (jnp.arctan2, ("real", "real")),
-    "floor": (jnp.floor, ("real",)),
-    "ceil": (jnp.ceil, ("real",)),
-    "round-nearest-even": (jnp.round, ("real",)),
-    "abs": (jnp.abs, ("real",)),
-    "negate": (jnp.negative, ("real",)),
-    "sign": (jnp.sign, ("real",)),
-    "minimum": (jnp.minimum, ("real", "real")),
-    "maximum": (jnp.maximum, ("real", "real")),
-    "clamp": (lambda x: jnp.clip(x, 0, 1), ("real",)),
-    "convert": (lambda x: x.astype(jnp.float32), ("word",)),
-    "compare": (lambda x, y: (x < y).astype(jnp.float32), ("real", "real")),
-    "select": (lambda x, y: jnp.where(x < 0, y, x), ("real", "real")),
-    "is-finite": (lambda x: jnp.isfinite(x).astype(jnp.float32), ("real",)),
-}
-"""All that our programs do with floats, by the names that XLA has for it."""
+class Program(NamedTuple):
+    """Something that makes samples, as a function of the index of the first point, and of arrays."""
+
+    run: Callable[..., Array]
+    arguments: tuple[Any, ...]
+    samples: int
+    """Of one call."""
+    exact: bool
+    """Whether it makes points: integers until the last step, so that all devices make the same bits."""
 
 
 class Row(NamedTuple):
@@ -71,31 +50,69 @@ class Row(NamedTuple):
     rate: float
     """Samples per second on the device."""
     bound: float
-    """What an H100 can reach at most."""
+    """What an H100 can reach at most: XLA counts the operations of a loop once, so that it is no less."""
     processor: float
     """Samples per second on the processor."""
     ulps: int
     """Largest difference between both in units in the last place."""
     exact: bool
-    """Whether there must be none: points are made of integers until the last step."""
+
+
+def points(sequence: sequences.Sequence, n: int) -> Program:
+    """Return the program that makes n points and keeps them."""
+
+    def run(first: Array, sequence: sequences.Sequence) -> Array:
+        return sequence(jax.lax.iota(jnp.uint32, n) + first)
+
+    return Program(run, (sequence,), n, True)
+
+
+def image(scene: Any, sampler: Any, side: int, spp: int) -> Program:
+    """Return the program that renders an image."""
+
+    def run(first: Array, scene: Any, sampler: Any) -> Array:
+        del first
+        return qj.render(scene, sampler, side, side, spp)
+
+    return Program(run, (scene, sampler), side * side * spp, False)
+
+
+def programs(n: int, side: int, spp: int) -> dict[str, Callable[[], Program]]:
+    """Return what makes the programs, by their names: n points, images of side x side pixels."""
+    sobol = sequences.sobol
+    kept = {
+        "Sobol', 2-D": lambda: sobol(2),
+        "Sobol', 2-D, Owen": lambda: sequences.owen(sobol(2), 1),
+        "Sobol', 16-D, Owen": lambda: sequences.owen(sobol(16), 1),
+        "permutation net": lambda: sequences.permutation_net(n.bit_length() - 1),
+        "lattice, 2-D": lambda: sequences.lattice(2),
+        "Halton, 2-D": lambda: sequences.halton(2),
+        "Halton, 2-D, Owen": lambda: sequences.owen(sequences.halton(2), 1),
+        "random, 2-D": lambda: sequences.uniform(2, 1),
+    }
+    images = {
+        "checkerboard, Z": (scenes.checkerboard, lambda: samplers.z(side, side, spp, 1)),
+        "zone plate, Z": (scenes.zone_plate, lambda: samplers.z(side, side, spp, 1)),
+        "checkerboard, Hilbert, Owen": (
+            scenes.checkerboard,
+            lambda: samplers.contiguous(orders.hilbert(side, side), sequences.owen(sobol(2), 1), spp),
+        ),
+        "soft shadow, ranked": (scenes.soft_shadow, lambda: samplers.ranked(4, 1)),
+    }
+    return {name: lambda make=make: points(make(), n) for name, make in kept.items()} | {
+        name: lambda scene=scene, sampler=sampler: image(scene(), sampler(), side, spp)
+        for name, (scene, sampler) in images.items()
+    }
 
 
 def measured(quality: str) -> dict[str, Any]:
-    """Return the rates of programs and differences of operations, both by name; nothing without a GPU."""
+    """Return the rates of programs by name; nothing without a GPU."""
     found = [device for device in jax.devices() if device.platform != "cpu"]
     if not found:
         return {}
-    device, cpu = found[0], jax.devices("cpu")[0]
-    return {
-        "device": device.device_kind,
-        "programs": {
-            name: compared(name, device, cpu, FAST, SLOW, LEAST[quality])._asdict()
-            for name in programs(*SLOW)
-        },
-        "units in the last place of one operation": {
-            name: differing(name, device, cpu) for name in OPERATIONS
-        },
-    }
+    cpu, least = jax.devices("cpu")[0], LEAST[quality]
+    rows = {name: compared(name, found[0], cpu, FAST, SLOW, least)._asdict() for name in programs(*SLOW)}
+    return {"device": found[0].device_kind, "programs": rows}
 
 
 Sizes = tuple[int, int, int]
@@ -103,39 +120,31 @@ Sizes = tuple[int, int, int]
 
 def compared(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least: float) -> Row:
     """Time a program on two devices, and compare what they make of the same arguments."""
-    rate, _ = _measured(name, device, fast, least)
-    _, here = _measured(name, device, slow, least)
-    other_rate, there = _measured(name, other, slow, least)
+    rate, _ = _rate(name, device, fast, least)
+    _, here = _rate(name, device, slow, least)
+    other_rate, there = _rate(name, other, slow, least)
     with jax.default_device(other):
         program = programs(*slow)[name]()
-        compiled = program.compiled()
-        # What a program moves within itself may stay in a cache.
-        memory = compiled.memory_analysis()
-        moved = memory.argument_size_in_bytes + memory.output_size_in_bytes
-        busy = H100.seconds(operations(compiled)._replace(bytes=moved))
-    return Row(rate, program.samples / max(busy.values()), other_rate, ulps(here, there), program.exact)
+        counts = jax.jit(program.run).lower(jnp.uint32(0), *program.arguments).compile().cost_analysis()
+    busy = max(counts[kind] / most for kind, most in H100.items())
+    return Row(rate, program.samples / busy, other_rate, ulps(here, there), program.exact)
 
 
-def _measured(name: str, device: Any, sizes: Sizes, least: float) -> tuple[float, NDArray]:
+def _rate(name: str, device: Any, sizes: Sizes, least: float) -> tuple[float, NDArray]:
     """Return samples a second, and those of the first call."""
     with jax.default_device(device):
-        program: Program = programs(*sizes)[name]()
+        program = programs(*sizes)[name]()
         arguments = jax.device_put(program.arguments, device)
         run = jax.jit(program.run)
         first = np.asarray(run(jnp.uint32(0), *arguments))
 
         def calls(turn: int) -> None:
-            # Another start each time.
-            made = [run(jnp.uint32((turn * AT_ONCE + k) * 2), *arguments) for k in range(AT_ONCE)]
+            # Another start each time; the first calls are not timed.
+            made = [run(jnp.uint32(((1 + turn) * AT_ONCE + k) * 2), *arguments) for k in range(AT_ONCE)]
             jax.block_until_ready(made)
 
-        return AT_ONCE * program.samples / seconds(calls, least), first
-
-
-def seconds(call: Callable[[int], object], least: float) -> float:
-    """Return the median time of a call, over at least three and so many seconds, after one."""
-    call(0)
-    return typical(lambda turn: call(1 + turn), 3, least)
+        calls(-1)
+        return AT_ONCE * program.samples / typical(calls, 3, least), first
 
 
 def ulps(one: NDArray, other: NDArray) -> int:
@@ -145,28 +154,3 @@ def ulps(one: NDArray, other: NDArray) -> int:
     ordered = [np.where(word < 0, -(word + 2**31), word) for word in words]
     both = np.isnan(one) & np.isnan(other)
     return int(np.max(np.where(both, 0, np.abs(ordered[0] - ordered[1])), initial=0))
-
-
-def differing(name: str, device: Any, other: Any) -> int:
-    """Return by how many units in the last place two devices differ in one operation, at most."""
-    function, kinds = OPERATIONS[name]
-    rng = np.random.default_rng(1)
-    arguments = [_drawn(rng, kind) for kind in kinds]
-    here, there = (
-        np.asarray(jax.jit(function)(*(jax.device_put(a, place) for a in arguments)))
-        for place in (device, other)
-    )
-    return ulps(here, there)
-
-
-def _drawn(rng: np.random.Generator, kind: str) -> NDArray:
-    """Return numbers of all magnitudes that programs meet, none of them denormal: GPUs may flush those."""
-    if kind == "word":
-        return rng.integers(2**32, size=NUMBERS, dtype=np.uint32)
-    if kind == "unit":
-        return rng.random(NUMBERS, np.float32)
-    if kind == "angle":
-        return rng.uniform(-20, 20, NUMBERS).astype(np.float32)
-    size = np.exp2(rng.uniform(-30, 30, NUMBERS))
-    sign = 1 if kind == "positive" else rng.choice([-1, 1], NUMBERS)
-    return (sign * size).astype(np.float32)

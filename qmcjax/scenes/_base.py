@@ -120,3 +120,8 @@ def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
     return tree.unflatten(
         [moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(v).astype(dtype)) for path, v in leaves]
     )
+
+
+def dimension_names(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
+    """Return the names of all dimensions: those without a meaning are named u2, u3, ..."""
+    return (*names, *(f"u{j}" for j in range(len(names), dims)))[:dims]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from qmcjax.scenes._base import EPS
 from qmcjax.scenes._checkerboard_reference import parity
-from qmcjax.scenes._pixel_cuts import split_segments
+from qmcjax.scenes._edges import split_segments
 
 Floats = NDArray[np.float64]
 

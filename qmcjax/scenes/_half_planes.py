@@ -13,11 +13,11 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
-from qmcjax.scenes._constancy import sign_varies
-from qmcjax.scenes._edges import along
-from qmcjax.scenes._pixel_cuts import split_segments
+from qmcjax.scenes._edges import along, sign_varies, split_segments
 
 Floats = NDArray[np.float64]
+
+_TINY = 1e-300
 
 _REACH = 1.5
 """The unit square is within this distance of the origin."""
@@ -63,15 +63,11 @@ class HalfPlanes(ExactScene):
         return point, jnp.asarray(jump, u.dtype)[edge]
 
     def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
-        """Return the exact mean over each pixel.
-
-        The bound is below 1e-12 at 512 x 512, for a line 2e-12, all of it rounding.
-        """
         scene = in_float64(self)
         steps = scene._steps()
         image = np.zeros((height, width))
         for offset, sign in steps:
-            image += sign * half_plane_means(float(scene.angle), float(offset), width, height)
+            image += sign * uniform_distribution(*depths(float(scene.angle), float(offset), width, height))
         return self._share * image, self._share * len(steps) * 8 * EPS * max(width, height)
 
     def _step_gradients(self, width: int, height: int) -> tuple[list[Floats], Floats, float]:
@@ -95,24 +91,44 @@ class HalfPlanes(ExactScene):
         return offsets, angle, bound
 
 
-def half_plane_means(angle: float, offset: float, width: int, height: int) -> Floats:
-    """Return the part of each pixel where ``x cos(angle) + y sin(angle) < offset``.
+def depths(
+    angle: float, offset: float, width: int, height: int, scale: float = 1.0
+) -> tuple[Floats, float, float]:
+    """Return how deep centres of pixels are in a half plane, and both sides of a pixel along its normal.
 
-    Seen along the normal, a pixel is the sum of two uniform distributions, over ``across`` and ``down``: the
-    part is piecewise a parabola, a straight line and a parabola, and is computed from the nearer end, so
-    that nothing cancels.
+    The image is shrunk by ``scale`` about its centre. Distances are measured from there, so that nothing is
+    lost for a small one.
     """
     normal = math.cos(angle), math.sin(angle)
-    across, down = abs(normal[0]) / width, abs(normal[1]) / height
-    x = (np.arange(width) + (normal[0] < 0)) / width
-    y = (np.arange(height) + (normal[1] < 0)) / height
-    depth = offset - normal[0] * x - normal[1] * y[:, None]
-    rest = across + down - depth
-    nearer = np.maximum(np.minimum(depth, rest), 0)
-    large, small = max(across, down), min(across, down)
-    curved = np.minimum(nearer, small)
-    share = (0.5 * curved * (curved / max(small, np.finfo(float).tiny)) + (nearer - curved)) / large
-    return np.where(depth < rest, share, 1 - share)
+    sides = scale * abs(normal[0]) / width, scale * abs(normal[1]) / height
+    x, y = 0.5 - (np.arange(width) + 0.5) / width, 0.5 - (np.arange(height) + 0.5) / height
+    d = offset - 0.5 * (normal[0] + normal[1]) + scale * (normal[0] * x + normal[1] * y[:, None])
+    return d, max(sides), min(sides)
+
+
+def uniform_kinks(large: float, small: float) -> Floats:
+    """Return the kinks of the density of the sum of two uniform distributions about 0, in order."""
+    outer, inner = 0.5 * (large + small), 0.5 * (large - small)
+    return np.array([-outer, -inner, inner, outer])
+
+
+def uniform_density(s: Floats, large: float, small: float) -> Floats:
+    """Return the density of the sum of two uniform distributions about 0, ``large >= small``."""
+    inside = np.maximum(0.5 * (large + small) - abs(s), 0)
+    return np.minimum(inside / max(small, _TINY), 1) / large
+
+
+def uniform_distribution(z: Floats, large: float, small: float) -> Floats:
+    """Return the distribution function of the same sum; a step if both widths are 0.
+
+    That of the sides of a pixel, at the depth of its centre, is its share in the half plane. It is computed
+    from the nearer end, so that nothing cancels.
+    """
+    m = abs(z)
+    tail = np.maximum(0.5 * (large + small) - m, 0)
+    curved = np.minimum(tail, small)
+    upper = (0.5 * curved * (curved / max(small, _TINY)) + (tail - curved)) / max(large, _TINY)
+    return np.where(z > 0, 1 - upper, upper)
 
 
 @frozen_pytree

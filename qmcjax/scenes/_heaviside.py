@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes._base import EPS, ExactScene, cast_edges
+from qmcjax.scenes._base import EPS, ExactScene, cast_edges, dimension_names
 from qmcjax.scenes._half_planes import Step
-from qmcjax.scenes._parameters import named
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +28,7 @@ class Heaviside(ExactScene):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        return named(self.dims)
+        return dimension_names(self.dims)
 
     def __call__(self, point: Array) -> Array:
         scene = cast_edges(self, point.dtype)
@@ -55,10 +54,7 @@ class Heaviside(ExactScene):
         return point, -jnp.ones(u.shape[:-1], u.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
-        """Return the exact mean over each pixel, an integral of the Irwin-Hall distribution function.
-
-        The bound is below 1e-12 at 512 x 512 for 8 dimensions, all of it rounding.
-        """
+        """Integrate the Irwin-Hall distribution function."""
         return self._means(width, height, _distribution)
 
     def reference_gradient(self, width: int, height: int) -> tuple["Heaviside", float]:

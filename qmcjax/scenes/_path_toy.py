@@ -50,7 +50,7 @@ class PathToy(ExactScene):
         return radiance
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the exact mean over each pixel: a ramp along x (reflected) and one along y (emitted)."""
+        """Add a ramp along x, reflected light, to one along y, emitted light."""
         scene = in_float64(self)
         emission, albedo = float(scene.emission), float(scene.albedo)
         arriving = 0.5 * emission * float(np.sum((0.5 * albedo) ** np.arange(self.bounces)))

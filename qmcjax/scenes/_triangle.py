@@ -12,8 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, cast_edges, in_float64
-from qmcjax.scenes._edges import along
-from qmcjax.scenes._pixel_cuts import split_segments
+from qmcjax.scenes._edges import along, split_segments
 
 Floats = NDArray[np.float64]
 
@@ -60,10 +59,7 @@ class Triangle(ExactScene):
         return point, jnp.broadcast_to(jnp.sign(_twice_the_area(vertices)), point.shape[:-1])
 
     def _pixel_means(self, width: int, height: int) -> tuple[Floats, float]:
-        """Return the exact mean over each pixel: signed areas above the sides.
-
-        The bound is below 4e-12 at 512 x 512 for a triangle in the image, all of it rounding.
-        """
+        """Add signed areas above the sides."""
         vertices = in_float64(self).vertices
         ends = np.roll(vertices, -1, axis=0)
         sides = zip(vertices, ends, strict=True)

@@ -13,8 +13,8 @@ from scipy import integrate
 from tables import slow
 
 from qmcjax import scenes
-from qmcjax.scenes._ball_reference import swept_means
-from qmcjax.scenes._circle_area import disc_in_boxes
+from qmcjax.scenes._ball import swept_means
+from qmcjax.scenes._discs import disc_in_boxes
 
 NEEDS = {
     scenes.MovingEdge: ("time",),

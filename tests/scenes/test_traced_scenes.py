@@ -14,7 +14,7 @@ import qmcjax as qj
 from analysis.tables import traced_references
 from qmcjax import scenes, sequences
 from qmcjax.scenes import traced
-from qmcjax.scenes.traced import _motions, _stored
+from qmcjax.scenes.traced import _stored, _vehicles
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -188,7 +188,7 @@ def test_meshes_are_closed():
 
 def test_a_spin_is_exact_after_many_turns():
     """The angle of the last of a million turns is that of the first."""
-    spin = _motions.Spin(np.array([0.0, 0.0, 2.0]), np.array(0.125), np.array(2.0**20))
+    spin = _vehicles.Spin(np.array([0.0, 0.0, 2.0]), np.array(0.125), np.array(2.0**20))
     assert jnp.allclose(spin(jnp.float32(1)), spin(jnp.float32(0)), atol=1e-6)
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from qmcjax import tracing
 from qmcjax.core.parameters import numbers, require
 from qmcjax.scenes.traced._base import Traced, is_analytic, seen_in_time
-from qmcjax.scenes.traced._models import hull, loft
-from qmcjax.scenes.traced._motions import Carried, Drift, Spin
+from qmcjax.scenes.traced._vehicles import Carried, Drift, Spin, hull, loft
 from qmcjax.tracing import motion
 
 STATIONS = [

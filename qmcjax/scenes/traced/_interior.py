@@ -1,10 +1,12 @@
 """A room with a table and chairs, lit through a window."""
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from qmcjax import tracing
 from qmcjax.scenes.traced._base import Traced
-from qmcjax.scenes.traced._models import chair, table
+
+Points = NDArray[np.float64]
 
 LOW, HIGH = np.array([-2.2, 0.0, -3.0]), np.array([2.2, 2.6, 2.6])
 """Corners of the room."""
@@ -80,12 +82,12 @@ def _room() -> list[tracing.Object]:
 
 def _furniture() -> list[tracing.Object]:
     pieces = [
-        table([-0.3, -1.0], [1.7, 0.74, 0.95], 0.06),
-        chair([-0.75, -0.4], [0, 1]),
-        chair([0.2, -0.35], [0, 1]),
-        chair([-0.75, -1.65], [0, -1]),
-        chair([0.15, -1.65], [0, -1]),
-        chair([0.85, -1.0], [1, 0]),
+        _table([-0.3, -1.0], [1.7, 0.74, 0.95], 0.06),
+        _chair([-0.75, -0.4], [0, 1]),
+        _chair([0.2, -0.35], [0, 1]),
+        _chair([-0.75, -1.65], [0, -1]),
+        _chair([0.15, -1.65], [0, -1]),
+        _chair([0.85, -1.0], [1, 0]),
     ]
     low, high = (np.concatenate(part) for part in zip(*pieces, strict=True))
     return [
@@ -99,3 +101,52 @@ def _furniture() -> list[tracing.Object]:
             [0.1, 0.74, -1.1], [0.0, 0.22, 0.0], 0.08, material=tracing.diffuse((0.15, 0.35, 0.5))
         ),
     ]
+
+
+def _table(centre: ArrayLike, size: ArrayLike, thickness: float) -> tuple[Points, Points]:
+    """Return the boxes of a table on y = 0, low and high, shape (5, 3) each.
+
+    ``centre``: float ArrayLike, shape (2,): x and z. ``size``: float ArrayLike, shape (3,): along x, y and z.
+    ``thickness``: of the top and the legs.
+    """
+    (x, z), (wide, tall, deep) = np.asarray(centre), np.asarray(size)
+    top = [[x - wide / 2, tall - thickness, z - deep / 2], [x + wide / 2, tall, z + deep / 2]]
+    legs = [
+        _post(x + i * (wide / 2 - thickness), z + k * (deep / 2 - thickness), thickness, 0, tall - thickness)
+        for i in (-1, 1)
+        for k in (-1, 1)
+    ]
+    low, high = np.moveaxis(np.array([top, *legs], np.float64), 1, 0)
+    return low, high
+
+
+def _chair(centre: ArrayLike, back: ArrayLike) -> tuple[Points, Points]:
+    """Return the boxes of a chair on y = 0, low and high, shape (8, 3) each.
+
+    ``centre``: float ArrayLike, shape (2,): x and z. ``back``: int ArrayLike, shape (2,): the direction in x
+    and z, a unit vector along an axis, of its back rest.
+    """
+    (x, z), forth = np.asarray(centre, np.float64), np.asarray(back)
+    aside, half, thin = forth[::-1], 0.21, 0.04
+    ahead = 0.19 * forth
+    seat = [[x - half, 0.43, z - half], [x + half, 0.47, z + half]]
+    posts, legs = [], []
+    for side in (-1, 1):
+        px, pz = np.array([x, z]) + ahead + 0.19 * side * aside
+        posts.append(_post(px, pz, thin, 0, 0.95))
+        px, pz = np.array([x, z]) - ahead + 0.19 * side * aside
+        legs.append(_post(px, pz, thin, 0, 0.43))
+    reach = np.abs(0.17 * aside) + np.abs(0.01 * forth)
+    slats = [
+        [
+            [x + ahead[0] - reach[0], y, z + ahead[1] - reach[1]],
+            [x + ahead[0] + reach[0], y + 0.08, z + ahead[1] + reach[1]],
+        ]
+        for y in (0.57, 0.70, 0.83)
+    ]
+    low, high = np.moveaxis(np.array([seat, *posts, *legs, *slats], np.float64), 1, 0)
+    return low, high
+
+
+def _post(x: float, z: float, thick: float, bottom: float, top: float) -> list[list[float]]:
+    return [[x - thick / 2, bottom, z - thick / 2], [x + thick / 2, top, z + thick / 2]]

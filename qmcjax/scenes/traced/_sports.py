@@ -7,8 +7,7 @@ import numpy as np
 from qmcjax import tracing
 from qmcjax.core.parameters import numbers
 from qmcjax.scenes.traced._base import Traced
-from qmcjax.scenes.traced._models import hull, loft
-from qmcjax.scenes.traced._motions import Carried, Spin
+from qmcjax.scenes.traced._vehicles import Carried, Spin, hull, loft
 from qmcjax.tracing import motion
 
 BODY = [

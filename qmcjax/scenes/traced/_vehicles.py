@@ -1,14 +1,50 @@
-"""Motions of the scenes as pytrees: their numbers are leaves, so that a new speed does not recompile."""
+"""What vehicles are made of: hulls, and motions.
+
+The numbers of motions are leaves, so that a new speed does not recompile.
+"""
 
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core.parameters import cast
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing import motion
+
+Points = NDArray[np.float64]
+
+
+def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
+    """Join successive closed outlines to a mesh, and close the ends by fans.
+
+    ``rings``: float ArrayLike, shape (k, n, 3): k outlines of n vertices; counterclockwise for a viewer on
+    the side of the next outline. ``start``, ``end``: float ArrayLike, shape (3,): tips of the fans. Returns
+    float64 ndarray, shape (2 n k, 3, 3): triangles with outward normals.
+    """
+    rings = np.asarray(rings, np.float64)
+    following = np.roll(rings, -1, axis=1)
+    a, b, c, d = rings[:-1], following[:-1], following[1:], rings[1:]
+    sides = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]).reshape(-1, 3, 3)
+    first = np.stack([following[0], rings[0], np.broadcast_to(start, rings[0].shape)], axis=1)
+    last = np.stack([rings[-1], following[-1], np.broadcast_to(end, rings[0].shape)], axis=1)
+    return np.concatenate([sides, first, last])
+
+
+def hull(stations: ArrayLike, count: int, roundness: float) -> Points:
+    """Return outlines perpendicular to the x-axis for :func:`loft`, shape (k, count, 3).
+
+    ``stations``: float ArrayLike, shape (k, 4): x, increasing; the height y of the centre; half the extent in
+    y and in z. ``count``: vertices of each outline. ``roundness``: 1 is an ellipse, values towards 0 a
+    rectangle: coordinates are those of the circle to this power.
+    """
+    angle = 2 * np.pi * (np.arange(count) + 0.5) / count
+    across, up = (np.sign(f(angle)) * np.abs(f(angle)) ** roundness for f in (np.cos, np.sin))
+    x, y, tall, wide = np.asarray(stations, np.float64).T[:, :, None]
+    # Seen against the x-axis z runs to the left.
+    return np.stack([x + 0 * across, y + tall * up, -wide * across], axis=-1)
 
 
 @frozen_pytree

@@ -10,7 +10,7 @@ from jax import Array
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, devices, parts, plug_ins, summation
+from qmcjax.core import checks, devices, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit
 from qmcjax.samplers import as_sampler
 
@@ -76,7 +76,7 @@ def pixel_means(
     with checks.precision(dtype):
         traced = is_traced((function, sampler))
         # Derivatives sum over parts: if they may be requested, the parts must not depend on devices.
-        rows = -(-height // (parts.FEW if traced else devices.count(mesh)))
+        rows = -(-height // (devices.FEW if traced else devices.count(mesh)))
         arguments = devices.placed((wrapped, sampler, np.uint32(spp)), mesh)
         made = _means(*arguments, (height, width), rows, wanted, dtype, mesh, traced)
         return devices.local(made, mesh)
@@ -116,6 +116,6 @@ def _means(
         return summation.value(state) / spp.astype(dtype)
 
     starts = np.arange(0, height, rows, dtype=np.uint32)
-    mapped = parts.differentiable if traced else parts.mapped
+    mapped = devices.differentiable if traced else devices.mapped
     made = mapped(of_rows, mesh, starts, function, sampler, spp)
     return made.reshape(-1, *made.shape[2:])[:height]

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._callbacks import counted
-from qmcjax.core import checks, finite_field
+from qmcjax.core import checks, number_theory
 
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
 """Maximum number of intervals along an axis that a dtype can resolve."""
@@ -138,7 +138,7 @@ def cells(points: NDArray, count: int) -> NDArray[np.int64]:
 
 
 def _sides(digits: Sequence[int], base: int, dims: int) -> tuple[int, ...]:
-    base = checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1)
+    base = checks.integer("base", base, 2, number_theory.FIELD_LIMIT - 1)
     if not isinstance(digits, Sequence | np.ndarray) or isinstance(digits, str):
         raise TypeError(f"digits must be {dims} integers, one per coordinate, got {checks.shown(digits)}")
     if len(digits) != dims:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, finite_field
+from qmcjax.core import checks, number_theory
 
 _WORD = 32
 
@@ -69,7 +69,7 @@ class _PrimeNet(MatrixNet):
 
 def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
     """Return the net of the first ``base**m`` points of generator matrices, packed in words or not."""
-    q = finite_field.prime("base", base)
+    q = number_theory.prime("base", base)
     if matrices.dtype.kind not in "iu":
         raise ValueError(
             f"points_or_matrices must be integers where m is given or there are three axes, "

@@ -16,7 +16,7 @@ from analysis import _arguments
 from analysis._callbacks import counted
 from analysis._structure.intervals import cells, fractions
 from analysis._structure.net_matrices import matrix_net
-from qmcjax.core import checks, finite_field
+from qmcjax.core import checks, number_theory
 
 _ONE_INTEGER = jax.ShapeDtypeStruct((), jnp.int32)
 
@@ -132,7 +132,7 @@ def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
     given = _arguments.array(name, points_or_matrices, "an array of points or of matrices")
     if m is not None or given.ndim == 3:
         return matrix_net(given, base, m)
-    return _PointNet(fractions(given, name), checks.integer("base", base, 2, finite_field.FIELD_LIMIT - 1))
+    return _PointNet(fractions(given, name), checks.integer("base", base, 2, number_theory.FIELD_LIMIT - 1))
 
 
 def _strength(net: _Net, axes: Sequence[int]) -> int:

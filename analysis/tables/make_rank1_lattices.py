@@ -6,7 +6,7 @@ Run once (minutes, 5 GB of memory): ``python -m analysis.tables.make_rank1_latti
 from pathlib import Path
 
 from analysis.tables import SEQUENCES
-from qmcjax.core.maximin_lattices import best_spatial
+from qmcjax.core.number_theory import best_spatial
 
 HEADER = """\
 # Rank-1 lattices of n points, generating vector (1, a, b), of the largest toroidal minimum distance:

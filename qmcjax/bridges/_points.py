@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from qmcjax.bridges._arrays import parsed_npy, parsed_npz
 from qmcjax.bridges._suffixes import suffix_of
 from qmcjax.bridges._text import point_sets, text_of
-from qmcjax.core import checks, text_files
+from qmcjax.core import checks, tables
 
 _WRITTEN = (".npy", ".npz", ".csv", ".dat", ".txt", ".bin")
 
@@ -91,7 +91,7 @@ def read_points(
 
 def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> dict[str | int, NDArray]:
     """Return the contents of a file, by name in archives, else by number."""
-    data = text_files.contents(path, max_bytes)
+    data = tables.contents(path, max_bytes)
     suffix = path.with_suffix("").suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
     if suffix == ".npz":
         return {name: array for name, array in parsed_npz(data, max_bytes).items()}

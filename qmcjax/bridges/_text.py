@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.core import text_files
-from qmcjax.core.text_files import Line, wrong
+from qmcjax.core import tables
+from qmcjax.core.tables import Line, wrong
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eEdD][+-]?[0-9]+)?")
 """The format of C, Python and Fortran; float() also accepts "nan", "1_0" and the digits of all scripts."""
@@ -56,7 +56,7 @@ def point_sets(data: bytes, header: bool | None) -> list[PointSet]:
     """Return the point sets of a file; a ValueError begins with the invalid place."""
     sets = [PointSet()]
     first = True
-    for line in text_files.lines(data):
+    for line in tables.lines(data):
         if not line.fields:
             comment = line.comment or ""
             seal = _SEAL.fullmatch(comment)

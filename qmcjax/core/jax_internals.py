@@ -86,3 +86,17 @@ def varying(leaf: Any) -> frozenset[Any]:
     """Return the axes of a mesh over which an array varies, inside ``jax.shard_map``."""
     aval: Any = jax.typeof(leaf)
     return aval.mat.varying if hasattr(aval, "mat") else aval.vma  # 0.12, 0.10
+
+
+def alike(values: Any) -> Any:
+    """Make the arrays of a pytree vary over the same axes of a mesh.
+
+    JAX refuses loops with a state that is first the same on all devices and then is not.
+    """
+    axes = frozenset[Any]().union(*map(varying, jax.tree.leaves(values)))
+
+    def of_leaf(leaf: Any) -> Any:
+        missing = tuple(axes - varying(leaf))
+        return jax.lax.pcast(leaf, missing, to="varying") if missing else leaf
+
+    return jax.tree.map(of_leaf, values)

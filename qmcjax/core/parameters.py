@@ -1,6 +1,7 @@
 """Parameters of scenes and motions: real numbers and arrays of them, in full precision."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.core import Tracer
+from jax.custom_derivatives import SymbolicZero
 from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
@@ -142,3 +144,24 @@ def _of_jax(name: str, value: Any) -> Array:
     if not jnp.issubdtype(array.dtype, jnp.floating):
         raise TypeError(f"{name} must be made of real numbers, got {checks.shown(value)}")
     return array
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def moves_an_edge(name: str, value: Array) -> Array:
+    """Return a parameter that JAX then refuses to differentiate.
+
+    At the edge the value jumps: the plain derivative of samples is 0 almost everywhere, which is not the
+    derivative of their mean.
+    """
+    return value
+
+
+@partial(moves_an_edge.defjvp, symbolic_zeros=True)
+def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    if isinstance(tangents[0], SymbolicZero):
+        return primals[0], tangents[0]
+    raise ValueError(
+        f"{name} moves an edge: the plain derivative of the scene is 0 almost everywhere, which is not the "
+        "derivative of its mean. qmcjax.boundary_gradient estimates the derivatives of pixel means, for "
+        "scenes with a method boundary"
+    )

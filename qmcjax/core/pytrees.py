@@ -1,5 +1,6 @@
 """Dataclasses as JAX pytrees, with the class as part of the structure."""
 
+import contextlib
 import dataclasses
 import functools
 import importlib
@@ -7,14 +8,75 @@ import inspect
 import json
 import reprlib
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any, Generic, TypeVar, dataclass_transform
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax import Array
 from jax.core import Tracer
 
-from qmcjax.core import records
+
+def one_line(value: Any) -> str:
+    """Return a dataclass in one line, without arrays.
+
+    Objects inside come first, then the attributes that the class lists as ``reported``, by default its static
+    fields, unless they are None or an object inside has the same. The name is that of the class, or its
+    attribute ``called``.
+    """
+    inside, parts = [], []
+    for field in fields(value):
+        content = getattr(value, field.name, None)
+        if not field.metadata.get("static") and is_dataclass(content):
+            inside.append(content)
+            parts.append(repr(content))
+    choices = (field.name for field in fields(value) if field.metadata.get("static"))
+    for name in getattr(type(value), "reported", choices):
+        # JAX may print an object without its arrays.
+        with contextlib.suppress(Exception):
+            content = getattr(value, name)
+            simple = isinstance(content, int | float | str | tuple) and len(repr(content)) < _SIMPLE
+            if simple and all(getattr(part, name, None) != content for part in inside):
+                parts.append(f"{name}={content!r}")
+    return f"{getattr(value, 'called', type(value).__name__)}({', '.join(parts)})"
+
+
+_SIMPLE = 40
+"""Attributes with a longer repr are left out."""
+
+
+def equal(one: Any, other: Any) -> Any:
+    """Return whether two pytrees have the same structure, and known arrays of the same values."""
+    if type(one) is not type(other):
+        return NotImplemented
+    leaves, structure = jax.tree.flatten(one)
+    other_leaves, other_structure = jax.tree.flatten(other)
+    return structure == other_structure and all(map(_same, leaves, other_leaves))
+
+
+def _same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    if any(isinstance(leaf, Tracer) for leaf in (one, other)):
+        return False
+    if isinstance(one, Array) and jnp.issubdtype(one.dtype, jax.dtypes.prng_key):
+        one, other = (
+            jax.random.key_data(leaf) if getattr(leaf, "dtype", None) == one.dtype else None
+            for leaf in (one, other)
+        )
+    if not all(
+        isinstance(leaf, Array | np.ndarray | np.generic | bool | int | float) for leaf in (one, other)
+    ):
+        return False
+    first, second = np.asarray(one), np.asarray(other)
+    return first.dtype == second.dtype and first.shape == second.shape and first.tobytes() == second.tobytes()
+
+
+def structure_hash(value: Any) -> int:
+    """Return a hash of a pytree's structure."""
+    return hash(jax.tree.structure(value))
+
 
 T = TypeVar("T", bound=type)
 R = TypeVar("R")
@@ -29,7 +91,7 @@ def pytree(cls: T) -> T:
 
     ``dataclass`` makes an ``==`` and a ``hash`` that fail for arrays, and a ``repr`` that prints them whole.
     Here objects are equal if their structures and the values of all arrays are equal, the hash is that of the
-    structure, and the repr is one line without arrays (see ``qmcjax.core.records``). Methods that a class
+    structure, and the repr is one line without arrays. Methods that a class
     defines stay. ``frozen_pytree`` generates none: that takes a fifth of the import time.
 
     ``jax.export`` serializes programs with such arguments if static fields hold None, numbers, strings,
@@ -69,9 +131,9 @@ def pytree(cls: T) -> T:
     _register_serialization(cls, static)
     made: Any = cls
     if _generated(made.__eq__):
-        made.__eq__, made.__hash__ = records.equal, records.structure_hash
+        made.__eq__, made.__hash__ = equal, structure_hash
     if _generated(made.__repr__):
-        made.__repr__ = records.one_line
+        made.__repr__ = one_line
     return cls
 
 

@@ -18,7 +18,7 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import jax_internals
-from qmcjax.core.varying import alike
+from qmcjax.core.jax_internals import alike
 
 Sum = tuple[Array, Array]
 """A sum and its accumulated rounding error."""

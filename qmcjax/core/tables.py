@@ -1,7 +1,17 @@
-"""Tables in the folders ``_data`` of packages."""
+"""Tables of numbers: those in the folders ``_data`` of packages, and text files of users.
 
+Neither ``numpy.loadtxt`` nor ``csv`` gives the column of a field or the comments, so lines are split here.
+"""
+
+import codecs
+import gzip
+import io
+import re
+import zlib
 from importlib import resources
 from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,3 +32,118 @@ def rows(package: str, name: str) -> list[list[str]]:
     """Return the words of each line of a text, without lines of comment."""
     lines = file(package, name).read_text(encoding="utf-8").splitlines()
     return [line.split() for line in lines if line and not line.startswith("#")]
+
+
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_GZIP = b"\x1f\x8b"
+_END = re.compile(r"\r\n|\r|\n")
+_WORD = re.compile(r"[^ \t]+")
+_QUOTED = re.compile(r"\"[^\"]*\"|'[^']*'")
+_NAME = re.compile(r"[^\W\d]\w*(?:[ \t]+\w+)*(?:[ \t]*(?:\[\d+\]|\(\d+\)))?")
+_MISSING = {"nan", "na", "n a", "inf", "infinity", "null", "none", "nil", "missing"}
+_SHOWN = 60
+
+
+class Field(NamedTuple):
+    """What stands between separators, without quotes."""
+
+    column: int
+    """From 1 on."""
+    text: str
+
+
+class Line(NamedTuple):
+    """The fields of a line, and the comment after them, without ``#``; None if there is none."""
+
+    number: int
+    """From 1 on."""
+    fields: list[Field]
+    comment: str | None
+
+    @property
+    def text(self) -> str:
+        """The fields, for messages."""
+        return " ".join(field.text for field in self.fields)
+
+    @property
+    def named(self) -> bool:
+        """Whether all fields are names: a heading, not numbers in another notation or missing ones."""
+        return all(_NAME.fullmatch(text) and text.lower() not in _MISSING for _, text in self.fields)
+
+
+def wrong(line: int, column: int | None, rule: str, got: Any) -> ValueError:
+    """Return an error that names the place."""
+    shown = got[:_SHOWN] if isinstance(got, str) else got
+    place = f"line {line}" if column is None else f"line {line}, column {column}"
+    return ValueError(f"{place}, must {rule}, got {shown!r}")
+
+
+def contents(path: Path, max_bytes: int) -> bytes:
+    """Return the bytes of a file, unpacked if they are packed by gzip."""
+    size = path.stat().st_size
+    if size > max_bytes:
+        raise ValueError(f"must take at most max_bytes={max_bytes}, got {size} bytes")
+    data = path.read_bytes()
+    if data.startswith(_GZIP):
+        try:
+            with gzip.GzipFile(fileobj=io.BytesIO(data)) as packed:
+                data = packed.read(max_bytes + 1)
+        except (OSError, EOFError, zlib.error) as error:
+            raise ValueError(f"byte 0, must be a whole file of gzip: {error}") from None
+        if len(data) > max_bytes:
+            raise ValueError(f"must take at most max_bytes={max_bytes}, got more when unpacked")
+    if not data.strip():
+        raise ValueError("must hold numbers, got an empty file")
+    return data
+
+
+def lines(data: bytes) -> list[Line]:
+    """Return the lines that are not blank; a ValueError begins with the invalid place.
+
+    Fields are separated by semicolons; else by commas; else by blanks. The last separator of a line may have
+    nothing after it. Comments begin with ``#``.
+    """
+    found = []
+    for number, line in enumerate(_END.split(_decoded(data)), start=1):
+        # Quotes hide what is between them: same length, so same columns.
+        plain = _QUOTED.sub(lambda quoted: "_" * len(quoted[0]), line) if '"' in line or "'" in line else line
+        end = plain.find("#")
+        fields = _fields(line, plain if end < 0 else plain[:end])
+        if fields and fields[0].text[:1] in ("[", "{"):
+            raise wrong(number, fields[0].column, "be numbers without brackets, unlike JSON", fields[0].text)
+        if fields or end >= 0:
+            found.append(Line(number, fields, None if end < 0 else line[end + 1 :].strip()))
+    if not any(line.fields for line in found):
+        raise ValueError("must hold numbers, got nothing but comments")
+    return found
+
+
+def _decoded(data: bytes) -> str:
+    mark, encoding = next(((m, e) for m, e in _MARKS if data.startswith(m)), (b"", "utf-8"))
+    try:
+        return data[len(mark) :].decode(encoding)
+    except UnicodeDecodeError as error:
+        before = _END.split(data[len(mark) :][: error.start].decode(encoding))
+        raise ValueError(
+            f"line {len(before)}, column {len(before[-1]) + 1}, must be text in {encoding}, got the byte "
+            f"{data[len(mark) + error.start]:#04x}"
+        ) from None
+
+
+def _fields(line: str, plain: str) -> list[Field]:
+    separator = next((mark for mark in ";," if mark in plain), None)
+    if separator is None:
+        spans = [match.span() for match in _WORD.finditer(plain)]
+    else:
+        spans, start = [], 0
+        for word in plain.split(separator):
+            left = len(word) - len(word.lstrip(" \t"))
+            spans.append((start + left, start + max(left, len(word.rstrip(" \t")))))
+            start += len(word) + 1
+        if spans[-1][0] == spans[-1][1]:
+            spans.pop()
+    return [Field(start + 1, _unquoted(line[start:stop])) for start, stop in spans]
+
+
+def _unquoted(text: str) -> str:
+    return text[1:-1].strip(" \t") if _QUOTED.fullmatch(text) else text

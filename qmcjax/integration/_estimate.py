@@ -11,8 +11,9 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from qmcjax.core import betting, checks, order_statistics
-from qmcjax.core.columns import joined, of_columns
+from qmcjax.core import checks
+from qmcjax.integration import _intervals
+from qmcjax.integration._means import joined, of_columns
 
 
 class Estimate(NamedTuple):
@@ -141,14 +142,14 @@ class QuantileEstimate(Estimate):
         self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
     ) -> tuple[Any, Any]:
         del integral, error
-        place = order_statistics.rank(self.replicates, level)
+        place = _intervals.rank(self.replicates, level)
         if not place:
             most = 1 - 2.0 ** (1 - self.replicates)
             raise ValueError(
                 f"level must be at most {most:g} with {self.replicates} replicates, got {level!r}"
             )
         if xp is np:
-            low, high = order_statistics.interval(means, level)
+            low, high = _intervals.rank_interval(means, level)
         else:
             low, high = _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
         # The mean of counts is off their median, by one of them if they are rare.
@@ -168,7 +169,7 @@ class BettingEstimate(Estimate):
         assert self.limits is not None
         least, most = self.limits
         unit = xp.clip((means - least) / (most - least), 0, 1)
-        low, high = betting.interval(unit, level, xp)
+        low, high = _intervals.betting_interval(unit, level, xp)
         return least + (most - least) * low, least + (most - least) * high
 
 
@@ -256,7 +257,7 @@ def doublings(tolerance: Any, n: int, replicates: int | None, kind: str) -> tupl
     while 2 * sizes[-1] <= n and n > _FIRST:
         sizes.append(2 * sizes[-1])
     level = 1 - _ERROR / len(sizes)
-    if KINDS[kind] is QuantileEstimate and not order_statistics.rank(replicates, level):
+    if KINDS[kind] is QuantileEstimate and not _intervals.rank(replicates, level):
         least = math.ceil(1 - math.log2(1 - level))
         raise ValueError(f"replicates must be at least {least} for a tolerance, got {replicates}")
     return sizes, level

@@ -12,8 +12,8 @@ from jax.sharding import Mesh
 from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import backends, checks, devices, draws
-from qmcjax.core.bounds import bounded
 from qmcjax.core.pytrees import is_traced
+from qmcjax.integration._boxes import bounded
 from qmcjax.integration._estimate import (
     KINDS,
     Estimate,

@@ -8,9 +8,8 @@ import numpy as np
 from jax import Array, lax
 
 from qmcjax.core import checks
-from qmcjax.core.bits import high_product
+from qmcjax.core.bits import high_product, traced_once
 from qmcjax.core.parameters import together
-from qmcjax.core.traces import traced_once
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._morton import gather, spread
 

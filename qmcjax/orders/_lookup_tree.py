@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.core import draws, thue_morse
+from qmcjax.core import draws, number_theory
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._hierarchy import PERMUTATIONS, ScrambledMorton, scaled
 
@@ -92,9 +92,10 @@ def random_production(letters: int, key: Array) -> Array:
 def art_production() -> Array:
     """Return a production in which no two equal letters come close at any level.
 
-    A letter is a pair of symbols, one for the row and one for the column (see :mod:`qmcjax.core.thue_morse`).
+    A letter is a pair of symbols, one for the row and one for the column (see
+    :func:`qmcjax.core.number_theory.word_children`).
     """
-    symbols = thue_morse.children()
+    symbols = number_theory.word_children()
     count = len(symbols)
     # Axes: row symbol, column symbol, lower half, right half.
     pairs = symbols[:, None, :, None] * count + symbols[None, :, None, :]

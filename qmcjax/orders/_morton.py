@@ -4,8 +4,8 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
+from qmcjax.core.bits import traced_once
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.traces import traced_once
 from qmcjax.orders._base import SquareOrder
 
 _SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))

@@ -11,7 +11,7 @@ from jax import Array
 from jax.sharding import Mesh
 from numpy.typing import DTypeLike
 
-from qmcjax.core import backends, devices, parts, summation
+from qmcjax.core import backends, devices, summation
 from qmcjax.core.bits import below_one
 from qmcjax.core.plug_ins import is_own
 from qmcjax.core.pytrees import jit
@@ -66,7 +66,7 @@ def accumulate(
         tile, state = part
         return summation.add_terms(*_terms(pair, tile, how), state, first, blocks)
 
-    return parts.mapped(of_tile, how.mesh, (tiles, states), pair, first, blocks)
+    return devices.mapped(of_tile, how.mesh, (tiles, states), pair, first, blocks)
 
 
 @jit("how", "traced")
@@ -83,7 +83,7 @@ def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How, traced: boo
         state = summation.add_terms(*_terms(pair, tile, how), state, jnp.uint32(0), blocks)
         return mean(state, spp)
 
-    mapped = parts.differentiable if traced else parts.mapped
+    mapped = devices.differentiable if traced else devices.mapped
     return mapped(of_tile, how.mesh, tiles, pair, spp)
 
 
@@ -140,7 +140,7 @@ def tile_size(pixels: int, together: int, mesh: Mesh | None, traced: bool) -> in
 
     Derivatives add up tiles, so tiles do not depend on devices where derivatives may be wanted.
     """
-    least, count = (_LEAST, parts.FEW) if traced else (1, devices.count(mesh))
+    least, count = (_LEAST, devices.FEW) if traced else (1, devices.count(mesh))
     most = min(backends.current().lanes // together, pixels)
     size = max(least, -(-pixels // (-(-pixels // (most * count)) * count)))
     aligned = -(-size // _ALIGNED) * _ALIGNED if size > _ALIGNED**2 else size

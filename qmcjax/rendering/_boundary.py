@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
-from qmcjax.core import checks, devices, parts, summation
+from qmcjax.core import checks, devices, summation
 from qmcjax.core.pytrees import jit
 from qmcjax.scenes import as_scene
 from qmcjax.sequences import Sequence, as_sequence
@@ -174,7 +174,7 @@ def _gradient(
         state = summation.add_terms(block, False, parameters, state, first, end - first)
         return summation.value(state)  # pyright: ignore[reportArgumentType]
 
-    total = parts.summed(of_part, mesh, False, (edges[:-1], edges[1:]), scene, sequence, n)
+    total = devices.summed(of_part, mesh, False, (edges[:-1], edges[1:]), scene, sequence, n)
     sums = total * (width * height / n.astype(dtype))
     ends = np.cumsum([leaf.size for leaf in leaves])
     images = jnp.split(sums, ends[:-1], axis=1)

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, tables
-from qmcjax.core.fractions import fractions
+from qmcjax.core.draws import fractions
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import InEveryPixel
 from qmcjax.sequences import Sequence, as_sequence, roberts, rotate

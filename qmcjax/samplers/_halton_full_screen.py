@@ -11,8 +11,13 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
-from qmcjax.core.digits import digit_spans, radical_inverse
-from qmcjax.core.permuted_digits import permuted_digit, permuted_radical_inverse, reflection_tables
+from qmcjax.core.digits import (
+    digit_spans,
+    permuted_digit,
+    permuted_radical_inverse,
+    radical_inverse,
+    reflection_tables,
+)
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import ForImage
 from qmcjax.sequences import RadicalInverses

@@ -10,8 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse
-from qmcjax.core.digits import word
-from qmcjax.core.permuted_digits import permuted_digit
+from qmcjax.core.digits import permuted_digit, word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._index_64 import Strided, plus, points_64, times

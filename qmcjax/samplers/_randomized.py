@@ -11,8 +11,8 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.varying import alike
 from qmcjax.samplers._base import OfDims
 from qmcjax.samplers._plug_in import as_sampler
 

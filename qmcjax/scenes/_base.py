@@ -14,8 +14,7 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import floats
+from qmcjax.core.parameters import floats, moves_an_edge
 
 EPS = float(np.finfo(float).eps)
 

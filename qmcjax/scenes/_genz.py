@@ -23,8 +23,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import cast, numbers
+from qmcjax.core.parameters import cast, moves_an_edge, numbers
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, dimension_names, in_float64
 from qmcjax.scenes._products import bell_means, decay_means, separable

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from qmcjax.core.columns import columns, joined, of_columns
+from qmcjax.integration._means import columns, joined, of_columns
 
 VALUES = {
     "a": np.arange(6, dtype=np.float64).reshape(3, 2),

@@ -14,8 +14,7 @@ import pytest
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core import jax_internals
-from qmcjax.core.checkpoints import begin
-from qmcjax.core.digests import digest
+from qmcjax.core.checkpoints import begin, digest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from tables import KINDS, SAMPLERS, SEQUENCES

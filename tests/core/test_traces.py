@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qmcjax.core.traces import traced_once
+from qmcjax.core.bits import traced_once
 
 
 def test_a_function_is_traced_once_and_taken_over():

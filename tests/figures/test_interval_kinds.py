@@ -5,7 +5,7 @@ import pytest
 
 from figures.shared.integrands import hundred_integrands, interval_kinds
 from qmcjax import integrate, sequences
-from qmcjax.core import betting
+from qmcjax.integration import _intervals
 
 INTEGRANDS = hundred_integrands.integrands()
 
@@ -63,7 +63,7 @@ def test_bernstein_intervals_hold_means_and_are_wider_than_betting(chance):
     assert held >= 0.8
     normal = 2 * 1.2816 * np.sqrt(chance * (1 - chance) / 1000)
     assert normal < (high - low).mean() < 3 * normal
-    other = betting.interval(coins, 0.8)
+    other = _intervals.betting_interval(coins, 0.8)
     assert (high - low > other[1] - other[0]).mean() > 0.99
 
 

@@ -11,7 +11,7 @@ from scipy import stats
 from tables import first, grammar, permutations_of_4
 
 from qmcjax import orders
-from qmcjax.core.thue_morse import factors as art_factors
+from qmcjax.core.number_theory import word_factors
 from qmcjax.orders._hierarchy import _MATRICES, unpermuted
 from qmcjax.orders._lookup_tree import LookupTree, art_production
 
@@ -320,8 +320,8 @@ def thue_morse(n):
 def test_art_symbols_are_the_factors_of_the_thue_morse_word():
     word = thue_morse(2**14)
     factors = set(map(tuple, np.lib.stride_tricks.sliding_window_view(word, 21).tolist()))
-    assert set(art_factors()) == factors
-    assert len(art_factors()) == len(factors) == 64
+    assert set(word_factors()) == factors
+    assert len(word_factors()) == len(factors) == 64
 
 
 def letters(production, root, levels):
@@ -335,7 +335,7 @@ def letters(production, root, levels):
 
 def test_art_rows_are_successive_factors():
     """At each level the symbols spell the Thue-Morse word, each with the 20 letters before it."""
-    factors = np.array(art_factors())
+    factors = np.array(word_factors())
     production = np.asarray(art_production()).astype(int)
     for root in (0, 1, 37):
         grid = letters(production, 65 * root, 6)

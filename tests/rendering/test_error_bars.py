@@ -12,7 +12,7 @@ from tables import few, slow
 
 import qmcjax as qj
 from qmcjax import sequences
-from qmcjax.core import betting, order_statistics
+from qmcjax.integration import _intervals
 
 SOBOL = sequences.sobol(2)
 INTERVALS = {"student": {}, "median": {}, "quantile": {}, "betting": {"limits": (0, 3)}}
@@ -40,7 +40,7 @@ def test_the_rank_is_the_best_that_covers(count, level):
     def covered(rank):
         return np.mean([rank <= number <= count - rank for number in below])
 
-    rank = order_statistics.rank(count, level)
+    rank = _intervals.rank(count, level)
     assert rank == 0 or covered(rank) >= level
     assert rank == count // 2 or covered(rank + 1) < level
 
@@ -48,8 +48,8 @@ def test_the_rank_is_the_best_that_covers(count, level):
 def test_order_statistics_hold_the_median_of_a_skewed_distribution_and_not_its_mean():
     """Exponential: the median is log 2, the mean 1; at 400 values the interval excludes the latter."""
     values = np.random.default_rng(1).exponential(size=(400, 1000))
-    low, high = order_statistics.interval(values, 0.95)
-    exact = 1 - 2 * binom.cdf(order_statistics.rank(400, 0.95) - 1, 400, 0.5)
+    low, high = _intervals.rank_interval(values, 0.95)
+    exact = 1 - 2 * binom.cdf(_intervals.rank(400, 0.95) - 1, 400, 0.5)
     held = np.mean((low <= np.log(2)) & (np.log(2) <= high))
     assert abs(held - exact) < 5 * np.sqrt(exact * (1 - exact) / 1000)
     assert np.mean((low <= 1) & (high >= 1)) < 0.05
@@ -65,7 +65,7 @@ def test_betting_fails_with_the_stated_probability_at_most(chance):
     probability = np.prod(np.where(coins == 1, chance, 1 - chance), axis=0)
     assert np.isclose(probability.sum(), 1)
     for level in (0.5, 0.9, 0.95):
-        low, high = betting.interval(coins, level)
+        low, high = _intervals.betting_interval(coins, level)
         assert probability[(low > chance) | (high < chance)].sum() <= 1 - level
         assert ((low >= 0) & (high <= 1) & (low < high)).all()
 
@@ -75,7 +75,7 @@ def test_bets_are_fair():
     coins = np.array(list(itertools.product((0.0, 1.0), repeat=12))).T
     chance = 0.2
     probability = np.prod(np.where(coins == 1, chance, 1 - chance), axis=0)
-    stakes = np.minimum(betting._bets(coins, np.log(40), np), 0.75 / chance)
+    stakes = np.minimum(_intervals._bets(coins, np.log(40), np), 0.75 / chance)
     capital = np.prod(1 + stakes * (coins - chance), axis=0)
     assert abs(probability @ capital - 1) < 1e-12
 
@@ -83,8 +83,8 @@ def test_bets_are_fair():
 @pytest.mark.parametrize("level", [0.9, 0.999])
 def test_at_the_ends_the_capital_is_two_over_the_error(level):
     values = np.random.default_rng(2).uniform(size=200)
-    low, high = betting.interval(values, level)
-    bets = betting._bets(values, np.log(2 / (1 - level)), np)
+    low, high = _intervals.betting_interval(values, level)
+    bets = _intervals._bets(values, np.log(2 / (1 - level)), np)
     for end, of in ((low, values), (1 - high, 1 - values)):
         capital = np.prod(1 + np.minimum(bets, 0.75 / end) * (of - end))
         assert capital == pytest.approx(2 / (1 - level), rel=1e-9)
@@ -96,9 +96,9 @@ def test_betting_is_as_narrow_as_the_values_vary():
     spread = {width: 0.3 + width * (generator.random(1000) - 0.5) for width in (0.001, 0.1, 0.6)}
     widths = {}
     for width, values in spread.items():
-        low, high = betting.interval(values, 0.95)
+        low, high = _intervals.betting_interval(values, 0.95)
         assert low < 0.3 < high
-        mirrored = betting.interval(1 - values, 0.95)
+        mirrored = _intervals.betting_interval(1 - values, 0.95)
         np.testing.assert_allclose((1 - mirrored[1], 1 - mirrored[0]), (low, high), rtol=0, atol=1e-12)
         widths[width] = high - low
     normal = 2 * 1.96 * 0.6 / np.sqrt(12 * 1000)

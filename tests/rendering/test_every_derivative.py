@@ -15,8 +15,8 @@ import analysis
 import qmcjax as qj
 from analysis._design.images import Rendered, blurred
 from qmcjax import orders, samplers, scenes, sequences, tracing
-from qmcjax.core import parts
-from qmcjax.core.edges import moves_an_edge
+from qmcjax.core import devices
+from qmcjax.core.parameters import moves_an_edge
 
 # Programs of few points.
 jit = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
@@ -129,11 +129,11 @@ def of_blurred(points):
 
 
 RULES = {
-    "qmcjax/core/parts.py": {
-        "differentiable": (of_parts(lambda f, *given: parts.differentiable(f, None, *given)), 0.3),
-        "summed": (of_parts(lambda f, *given: parts.summed(f, None, True, *given)), 0.3),
+    "qmcjax/core/devices.py": {
+        "differentiable": (of_parts(lambda f, *given: devices.differentiable(f, None, *given)), 0.3),
+        "summed": (of_parts(lambda f, *given: devices.summed(f, None, True, *given)), 0.3),
     },
-    "qmcjax/core/edges.py": {"edge": (refused, 0.3)},
+    "qmcjax/core/parameters.py": {"edge": (refused, 0.3)},
     "analysis/_callbacks.py": {"min_distance": (analysis.min_distance, CLOUD)},
     "analysis/_design/expected_error.py": {"expected_error": (analysis.expected_error, POINTS[:2, :3])},
     "analysis/_design/images.py": {"blurred": (of_blurred, CLOUD)},

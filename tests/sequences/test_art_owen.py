@@ -7,11 +7,11 @@ import pytest
 from tables import first, slow
 
 from qmcjax import sequences
-from qmcjax.core import thue_morse
+from qmcjax.core import number_theory
 from qmcjax.sequences._scrambling.art_owen import with_tables
 
 KEY = jax.random.key(6)
-CHILDREN = thue_morse.children().tolist()
+CHILDREN = number_theory.word_children().tolist()
 
 
 def flips(prefix, depth):

@@ -10,7 +10,7 @@ import pytest
 from tables import compositions, digit_count, first, refuses, slow, slow_cases
 
 from qmcjax import sequences
-from qmcjax.core import finite_field
+from qmcjax.core import number_theory
 from qmcjax.sequences._digital.prime_digital import faure, faure_matrices, replace_component
 
 
@@ -151,19 +151,19 @@ def test_inverses_of_faure_matrices(q):
     """The printed C_i^-1 = C_(s-i) holds for s = q, a_i = i, not for i from 1 with a_i = i - 1."""
     matrices = faure_matrices(q, q, 12)
     for i in range(q):
-        assert np.array_equal(finite_field.inverse(matrices[i], q), matrices[-i % q])
+        assert np.array_equal(number_theory.inverse(matrices[i], q), matrices[-i % q])
     from_one = {i: matrices[i - 1] for i in range(1, q + 1)}
     for i in range(2, q + 1):
-        assert np.array_equal(finite_field.inverse(from_one[i], q), from_one[q + 2 - i])
+        assert np.array_equal(number_theory.inverse(from_one[i], q), from_one[q + 2 - i])
     assert q == 2 or any(
-        not np.array_equal(finite_field.inverse(from_one[i], q), from_one[q - i]) for i in range(1, q)
+        not np.array_equal(number_theory.inverse(from_one[i], q), from_one[q - i]) for i in range(1, q)
     )
 
 
 def generates_net(matrices, m, q):
     """Tell whether the upper left m x m parts fulfil Theorem 1 for this m."""
     return all(
-        finite_field.rank(np.concatenate([c[:d, :m] for c, d in zip(matrices, split, strict=True)]), q) == m
+        number_theory.rank(np.concatenate([c[:d, :m] for c, d in zip(matrices, split, strict=True)]), q) == m
         for split in compositions(m, len(matrices))
     )
 

@@ -12,7 +12,7 @@ from tables import first, refuses, slow
 
 from analysis import min_distance, squared_min_distance
 from qmcjax import sequences
-from qmcjax.core import maximin_lattices
+from qmcjax.core import number_theory
 from qmcjax.sequences._lattices.rank1_lattice import Rank1Lattice
 
 LATTICES = {
@@ -133,7 +133,7 @@ def test_no_generator_in_three_dimensions_is_better(n):
 
 def test_lattice_reduction_finds_the_minimum_distance_of_every_planar_lattice():
     n = 360
-    squares = maximin_lattices.shortest_squares(n, np.arange(n))
+    squares = number_theory.shortest_squares(n, np.arange(n))
     assert squares.tolist() == [squared_min_distance(integer_lattice(n, 1, a), n) for a in range(n)]
 
 
@@ -142,7 +142,7 @@ def test_large_planar_lattices_are_almost_hexagonal(n):
     """Measured point by point; a hexagonal lattice of the same density has 2 / sqrt(3) n."""
     seq = sequences.rank1_lattice(n)
     distance = min_distance(np.asarray(seq.points(n, dtype=jnp.float64)))
-    assert (n * distance) ** 2 == pytest.approx(maximin_lattices.best_planar(n)[1], rel=1e-9)
+    assert (n * distance) ** 2 == pytest.approx(number_theory.best_planar(n)[1], rel=1e-9)
     assert 0.95 < (n * distance) ** 2 / (2 / 3**0.5 * n) <= 1
 
 
@@ -166,7 +166,7 @@ def test_the_table_s_distances_are_those_of_its_lattices(m):
 
 @pytest.mark.parametrize("m", [*range(1, 11), *slow(11, 12, 13)])
 def test_the_table_is_what_the_search_finds(m):
-    assert table()[m - 1].tolist() == [2**m, *maximin_lattices.best_spatial(2**m)]
+    assert table()[m - 1].tolist() == [2**m, *number_theory.best_spatial(2**m)]
 
 
 test_bad_input_is_named = refuses(

@@ -16,7 +16,7 @@ from analysis import squared_min_distance, t_value
 from qmcjax import sequences
 from qmcjax.core.bits import reverse
 from qmcjax.core.checks import prng_key
-from qmcjax.core.fractions import plus_modulo_1
+from qmcjax.core.draws import plus_modulo_1
 from qmcjax.sequences._digital.sobol_matrix import _is_irreducible
 from qmcjax.sequences._scrambling.art_owen import with_tables
 from qmcjax.sequences._scrambling.linear_matrix_scramble import _triangular

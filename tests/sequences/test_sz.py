@@ -6,7 +6,7 @@ from tables import first
 
 import analysis
 from qmcjax import sequences
-from qmcjax.core import finite_field
+from qmcjax.core import number_theory
 from qmcjax.sequences._digital.constructions import _nim_product, _sz_columns
 
 
@@ -19,7 +19,7 @@ def digits_of(component: int) -> np.ndarray:
 def leading_rank(shape: dict[int, int], size: int) -> int:
     """Return the rank of some first rows of components, in their first columns."""
     rows = [digits_of(component)[:count, :size] for component, count in shape.items()]
-    return finite_field.rank(np.concatenate(rows).astype(np.int64), 2)
+    return number_theory.rank(np.concatenate(rows).astype(np.int64), 2)
 
 
 @pytest.mark.parametrize("bits", [1, 2, 4, 8])

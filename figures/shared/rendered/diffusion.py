@@ -12,7 +12,7 @@ from figures import plot
 from figures.making import finished_cells
 from figures.shared.rendered import kept_references, scene_images
 from qmcjax import samplers, sequences
-from qmcjax.core.digests import digest
+from qmcjax.core.checkpoints import digest
 
 REPLICATES = 16
 

@@ -16,7 +16,7 @@ from figures.making import finished_cells
 from figures.shared.rendered import diffusion, scene_images
 from qmcjax import samplers
 from qmcjax.core import student
-from qmcjax.core.digests import digest
+from qmcjax.core.checkpoints import digest
 
 SETS = 16
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures.making import finished_cells
 from qmcjax import samplers
-from qmcjax.core.digests import digest
+from qmcjax.core.checkpoints import digest
 from qmcjax.core.pytrees import jit
 
 POINTS = 2**12

@@ -18,10 +18,9 @@ from jax import Array
 from jax.core import Tracer
 from numpy.typing import NDArray
 
-from qmcjax.core.bits import reverse
+from qmcjax.core.bits import reverse, traced_once
+from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.traces import traced_once
-from qmcjax.core.varying import alike
 
 _TABLE_FROM = 4096
 """Number of indices from which tables of the products with all bytes pay off."""

@@ -13,7 +13,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, finite_field, tables
+from qmcjax.core import checks, number_theory, tables
 from qmcjax.core.digits import digit_count, digit_spans, exact_fraction
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import packed
@@ -190,8 +190,8 @@ def faure(dims: int, base: int | None = None, modified: int | None = None) -> Pr
     """
     dims = checks.integer("dims", dims, 1, FAURE_DIMS)
     if base is None:
-        base = finite_field.next_prime(dims)
-    base = finite_field.prime("base", base, low=max(dims, 2), high=FAURE_BASES - 1)
+        base = number_theory.next_prime(dims)
+    base = number_theory.prime("base", base, low=max(dims, 2), high=FAURE_BASES - 1)
     matrices = faure_matrices(dims, base, digit_count(base))
     if modified is not None:
         component = checks.integer("modified", modified, 0, dims - 1)
@@ -300,7 +300,7 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
            [0, 1, 1],
            [0, 0, 1]])
     """
-    q = finite_field.prime("q", q)
+    q = number_theory.prime("q", q)
     matrices = checks.known_array("matrices", matrices, np.integer, "integers of shape (s, m, m)")
     replacement = checks.known_array("replacement", replacement, np.integer, "integers of shape (m, m)")
     if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2]:
@@ -309,9 +309,9 @@ def replace_component(matrices: np.ndarray, component: int, replacement: np.ndar
         raise ValueError(f"replacement must have shape {matrices.shape[1:]}, got {replacement.shape}")
     component = checks.integer("component", component, 0, len(matrices) - 1)
     for m in range(1, len(replacement) + 1):
-        if finite_field.rank(replacement[:m, :m], q) < m:
+        if number_theory.rank(replacement[:m, :m], q) < m:
             raise ValueError(f"replacement must generate a (0,1)-sequence, got a singular {m} x {m} part")
-    if (rank := finite_field.rank(matrices[component], q)) < len(replacement):
+    if (rank := number_theory.rank(matrices[component], q)) < len(replacement):
         raise ValueError(f"matrices[{component}] must be invertible over F_{q}, got rank {rank}")
-    change = finite_field.product(finite_field.inverse(matrices[component], q), replacement, q)
-    return finite_field.product(matrices, change, q)
+    change = number_theory.product(number_theory.inverse(matrices[component], q), replacement, q)
+    return number_theory.product(matrices, change, q)

@@ -10,7 +10,7 @@ from jax import Array
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, finite_field, tables
+from qmcjax.core import checks, number_theory, tables
 
 
 def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
@@ -142,7 +142,7 @@ def _common(a: int, b: int) -> int:
 
 
 def _prime_factors(number: int) -> set[int]:
-    return {p for p in range(2, number + 1) if number % p == 0 and finite_field.is_prime(p)}
+    return {p for p in range(2, number + 1) if number % p == 0 and number_theory.is_prime(p)}
 
 
 @lru_cache(maxsize=16)

@@ -21,18 +21,16 @@ from qmcjax.core.digits import (
     digit_reversed,
     digit_spans,
     limit_64,
-    radical_inverse,
-    radical_inverse_64,
-    span_numbers,
-    word,
-)
-from qmcjax.core.finite_field import next_prime
-from qmcjax.core.permuted_digits import (
     permuted_radical_inverse,
     permuted_spans,
+    radical_inverse,
+    radical_inverse_64,
     reflection_tables,
+    span_numbers,
     table_starts,
+    word,
 )
+from qmcjax.core.number_theory import next_prime
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.tables import rows
 from qmcjax.sequences._digital.digital import Digital, sobol

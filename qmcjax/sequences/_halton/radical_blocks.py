@@ -14,8 +14,17 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core.bits import reverse, to_unit
-from qmcjax.core.digits import digit_count, digit_reversed, digit_spans, exact_fraction, span_numbers, word
-from qmcjax.core.permuted_digits import joined, looked_up, permuted_spans
+from qmcjax.core.digits import (
+    digit_count,
+    digit_reversed,
+    digit_spans,
+    exact_fraction,
+    joined,
+    looked_up,
+    permuted_spans,
+    span_numbers,
+    word,
+)
 
 PACKED = 8
 """Largest base with permutations as words: four bits per digit, looked up by a shift."""

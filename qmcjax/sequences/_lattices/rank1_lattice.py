@@ -12,7 +12,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
-from qmcjax.core.maximin_lattices import best_planar, best_spatial
+from qmcjax.core.number_theory import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._lattices.lattice_sequence import LatticeSequence, Multiples
 from qmcjax.sequences._protocol.base import Sequence

@@ -13,7 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.fractions import plus_modulo_1
+from qmcjax.core.draws import plus_modulo_1
 from qmcjax.sequences._protocol.materialized import materialized
 
 FEW = 8

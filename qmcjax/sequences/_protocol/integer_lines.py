@@ -4,7 +4,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from qmcjax.core import checks, text_files
+from qmcjax.core import checks, tables
 
 _DIGITS = 4300
 """Longest integer that Python converts."""
@@ -73,7 +73,7 @@ class IntegerFile(NamedTuple):
 def wrong(path: Path, number: int, rule: str, got: Any) -> ValueError:
     """Return an error that names the file and the line."""
     text = " ".join(map(str, got)) if isinstance(got, list) else str(got)
-    return ValueError(f"{path}, {text_files.wrong(number, None, f'be {rule}', text)}")
+    return ValueError(f"{path}, {tables.wrong(number, None, f'be {rule}', text)}")
 
 
 def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False) -> IntegerFile:
@@ -81,7 +81,7 @@ def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False)
     path = checks.path(path)
     max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
     try:
-        lines = text_files.lines(text_files.contents(path, max_bytes))
+        lines = tables.lines(tables.contents(path, max_bytes))
         first = next(place for place, line in enumerate(lines) if line.fields)
         texts = [" ".join((line.comment or "").lower().split()) for line in lines]
         comments = [(line.number, text) for line, text in zip(lines, texts, strict=True) if not line.fields]
@@ -94,14 +94,14 @@ def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False)
     return IntegerFile(path, heading, integers, comments)
 
 
-def _integers(line: text_files.Line) -> IntegerLine:
+def _integers(line: tables.Line) -> IntegerLine:
     for column, text in line.fields:
         if not (text.isascii() and text.isdigit()):
-            raise text_files.wrong(
+            raise tables.wrong(
                 line.number, column, "be non-negative integers, or a comment after #", line.text
             )
         if len(text) > _DIGITS:
-            raise text_files.wrong(line.number, column, f"be integers of at most {_DIGITS} digits", line.text)
+            raise tables.wrong(line.number, column, f"be integers of at most {_DIGITS} digits", line.text)
     return IntegerLine(line.number, [int(text) for _, text in line.fields], (line.comment or "").lower())
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks, draws, thue_morse
+from qmcjax.core import checks, draws, number_theory
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Moved
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
@@ -173,7 +173,7 @@ def _symbols_on_the_way(digits: int) -> list[NDArray[np.uint32]]:
     Of uint32, as JAX takes one array of int64 either within ``jax.enable_x64`` or outside, not both.
     """
     entry = np.arange(_SYMBOLS << digits, dtype=np.uint32)
-    children: NDArray[np.uint32] = thue_morse.children().astype(np.uint32)
+    children: NDArray[np.uint32] = number_theory.word_children().astype(np.uint32)
     symbols: list[NDArray[np.uint32]] = [entry >> np.uint32(digits)]
     for place in range(digits - 1, -1, -1):
         symbols.append(children[symbols[-1], entry >> place & 1])

@@ -7,8 +7,8 @@ from jax import Array
 
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import reverse
+from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.varying import alike
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
 from qmcjax.sequences._scrambling.scrambled import Scrambled, of_dims

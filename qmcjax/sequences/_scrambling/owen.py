@@ -10,8 +10,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, hash_word, high_product, owen_hash
-from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
-from qmcjax.core.permuted_digits import looked_up
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, looked_up, word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._halton.halton import random_permutations
 from qmcjax.sequences._protocol.base import DigitSequence, with_digits

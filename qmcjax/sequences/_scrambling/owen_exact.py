@@ -9,8 +9,8 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word, high_product
 from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_spans, quotient, word
+from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.varying import alike
 from qmcjax.sequences._protocol.base import DigitSequence, with_digits
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction
 from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, of_dims

@@ -10,9 +10,8 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import reverse
-from qmcjax.core.digits import base_of, cell_fraction, digit_spans, word
-from qmcjax.core.fractions import fractions_or_key, plus_modulo_1
-from qmcjax.core.permuted_digits import joined, permuted_spans, table_starts
+from qmcjax.core.digits import base_of, cell_fraction, digit_spans, joined, permuted_spans, table_starts, word
+from qmcjax.core.draws import fractions_or_key, plus_modulo_1
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Flipped
 from qmcjax.sequences._halton.halton import random_tables

@@ -6,7 +6,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core.bits import hash_word
-from qmcjax.core.varying import alike
+from qmcjax.core.jax_internals import alike
 from qmcjax.sequences._scrambling.owen_exact import random_word
 
 _REACH = 3

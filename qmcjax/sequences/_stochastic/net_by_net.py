@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
-from qmcjax.core.varying import alike
+from qmcjax.core.jax_internals import alike
 from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._digital.prime_digital import PrimeDigital
 from qmcjax.sequences._halton.halton import RadicalInverses

@@ -9,8 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import floats, together
+from qmcjax.core.parameters import floats, moves_an_edge, together
 from qmcjax.tracing._estimators.varies import Seen, seen
 from qmcjax.tracing._search.intersection import in_dtype
 from qmcjax.tracing._shapes.object import Object

@@ -9,8 +9,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks
-from qmcjax.core.edges import moves_an_edge
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import moves_an_edge, numbers, require
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._intervals.candidates import background, collected
 from qmcjax.tracing._intervals.linear import parts

@@ -1,4 +1,4 @@
-"""An interval of the mean of bounded values by betting: valid for any distribution and any number of values.
+"""Confidence intervals without normality: of a mean by betting, of a median by order statistics.
 
 Who bets on the mean being larger than m, a part of the capital on each value in turn, expects no gain if it
 is not; by Markov's inequality the capital then seldom reaches 1 / alpha. All m that it is reached for are
@@ -16,6 +16,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from numpy.typing import NDArray
 
 _PART = 0.75
 """Of the capital, that a bet can lose at most."""
@@ -24,7 +25,7 @@ _STEPS = 60
 """Of bisection."""
 
 
-def interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]:
+def betting_interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]:
     """Return an interval of the mean that fails with a probability of at most 1 - ``level``.
 
     ``values``: shape (count, ...), independent along the first axis, in [0, 1]. ``xp``: NumPy, or its like
@@ -61,3 +62,23 @@ def _low(values: Any, bets: Any, needed: float, xp: Any) -> Any:
     for step in range(_STEPS):
         ends = halved(step, ends)
     return ends[0]
+
+
+def rank(count: int, level: float) -> int:
+    """Return the largest k for which the k-th smallest and largest of some values enclose their median.
+
+    With a probability of at least ``level``, whatever the distribution. 0 if there is none: it takes
+    1 - log2(1 - level) values.
+    """
+    from scipy.special import bdtr
+
+    # The median lies outside if fewer than k values are on one of its sides.
+    ranks = np.arange(1, count // 2 + 1)
+    return int(np.count_nonzero(1 - 2 * bdtr(ranks - 1, count, 0.5) >= level))
+
+
+def rank_interval(values: NDArray, level: float) -> tuple[NDArray, NDArray]:
+    """Return the interval of the median: ``values`` of shape (count, ...) to low and high, shape (...)."""
+    place = rank(len(values), level)
+    ordered = np.sort(values, axis=0)
+    return ordered[place - 1], ordered[len(values) - place]

@@ -1,0 +1,235 @@
+"""Exact integers before tracing: matrices over prime fields F_q, short vectors of lattices, Thue-Morse words.
+
+``q`` is a prime below 2**16. Entries of matrices are integers, taken modulo ``q``; results are int64 arrays.
+
+The points i (1, a, ...) / n modulo 1, times n, are the integer lattice that (1, a, ...) spans together
+with n times the unit vectors: its shortest vector is their minimum distance. Signs and, in three
+dimensions, the order of a and b do not change it.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from qmcjax.core import checks
+
+FIELD_LIMIT = 2**16
+"""Bound on the moduli: a product of two elements fits a 32-bit word."""
+
+
+def is_prime(number: int) -> bool:
+    """Return whether a number is prime, by trial division.
+
+    Examples
+    --------
+    >>> [n for n in range(20) if is_prime(n)]
+    [2, 3, 5, 7, 11, 13, 17, 19]
+    """
+    return number >= 2 and all(number % d for d in range(2, math.isqrt(number) + 1))
+
+
+def next_prime(number: int) -> int:
+    """Return the smallest prime that is not below ``number``.
+
+    Examples
+    --------
+    >>> next_prime(8), next_prime(11)
+    (11, 11)
+    """
+    while not is_prime(number):
+        number += 1
+    return number
+
+
+def prime(name: str, value: Any, low: int = 2, high: int = FIELD_LIMIT - 1) -> int:
+    """Return ``value`` as an int, or raise a ValueError unless it is a prime in ``[low, high]``."""
+    number = checks.integer(name, value, low, high)
+    if not is_prime(number):
+        raise ValueError(f"{name} must be prime, got {value!r}")
+    return number
+
+
+def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
+    """Multiply matrices over F_q.
+
+    ``a``, ``b``: shape (..., m, m).
+
+    Examples
+    --------
+    >>> product([[1, 2], [0, 1]], [[1, 2], [0, 1]], q=3)
+    array([[1, 1],
+           [0, 1]])
+    """
+    q = prime("q", q)
+    a, b = _square("a", a, q), _square("b", b, q)
+    if a.shape[-1] != b.shape[-1]:
+        raise ValueError(f"a and b must be of the same size, got shapes {a.shape} and {b.shape}")
+    return a @ b % q
+
+
+def rank(matrix: np.ndarray, q: int) -> int:
+    """Return the rank of a matrix over F_q.
+
+    ``matrix``: shape (m, n).
+
+    Examples
+    --------
+    >>> rank([[1, 2], [2, 1]], q=3), rank([[1, 2], [2, 1]], q=5)
+    (1, 2)
+    """
+    q = prime("q", q)
+    elements = _elements("matrix", matrix, q)
+    if elements.ndim != 2:
+        raise ValueError(f"matrix must have two axes, got shape {elements.shape}")
+    return _reduced(elements, elements.shape[1], q)[1]
+
+
+def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
+    """Invert a square matrix over F_q; a singular one raises a ValueError.
+
+    ``matrix``: shape (m, m).
+
+    Examples
+    --------
+    >>> inverse([[1, 1], [0, 2]], q=3)
+    array([[1, 1],
+           [0, 2]])
+    """
+    q = prime("q", q)
+    elements = _square("matrix", matrix, q)
+    if elements.ndim != 2:
+        raise ValueError(f"matrix must have two axes, got shape {elements.shape}")
+    m = len(elements)
+    reduced, pivots = _reduced(np.hstack([elements, np.eye(m, dtype=np.int64)]), m, q)
+    if pivots < m:
+        raise ValueError(f"matrix must be invertible over F_{q}, got rank {pivots} of {m}")
+    return reduced[:, m:]
+
+
+def _elements(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
+    array = np.asarray(matrix)
+    if array.dtype.kind not in "iu":
+        raise ValueError(f"{name} must hold integers, got {array.dtype}")
+    # In at least 32 bits: q may exceed the range of narrower integers.
+    return (array.astype(np.result_type(array, np.uint32)) % q).astype(np.int64)
+
+
+def _square(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
+    array = _elements(name, matrix, q)
+    if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
+        raise ValueError(f"{name} must be square, got shape {array.shape}")
+    return array
+
+
+def _reduced(matrix: np.ndarray, columns: int, q: int) -> tuple[np.ndarray, int]:
+    """Return the row echelon form with respect to the first columns, and the number of its pivots."""
+    matrix = matrix.copy()
+    pivots = 0
+    for column in range(columns):
+        candidates = np.flatnonzero(matrix[pivots:, column])
+        if not len(candidates):
+            continue
+        row = pivots + candidates[0]
+        matrix[[pivots, row]] = matrix[[row, pivots]]
+        matrix[pivots] = matrix[pivots] * pow(int(matrix[pivots, column]), -1, q) % q
+        factors = matrix[:, column].copy()
+        factors[pivots] = 0
+        matrix = (matrix - factors[:, None] * matrix[pivots]) % q
+        pivots += 1
+    return matrix, pivots
+
+
+def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the squared length of the shortest vector of each lattice with the rows (1, a), (0, n).
+
+    By Lagrange-Gauss reduction: the shorter vector reduces the longer until nothing changes.
+
+    ``n``: at most 2**24, so that the quotients are right in float64. ``a``: int64 array, shape (k,): in [0,
+    n). Returns int64 array, shape (k,).
+    """
+    ux, uy, vx, vy = np.ones_like(a), a, np.zeros_like(a), np.full_like(a, n)
+    while True:
+        u, v = ux * ux + uy * uy, vx * vx + vy * vy
+        swap = v < u
+        ux, vx = np.where(swap, vx, ux), np.where(swap, ux, vx)
+        uy, vy = np.where(swap, vy, uy), np.where(swap, uy, vy)
+        shorter = np.minimum(u, v)
+        quotient = np.rint((ux * vx + uy * vy) / shorter).astype(np.int64)
+        if not quotient.any():
+            return shorter
+        vx, vy = vx - quotient * ux, vy - quotient * uy
+
+
+def best_planar(n: int) -> tuple[int, int]:
+    """Return the smallest ``a`` of a best lattice in two dimensions, and its squared distance."""
+    a = np.arange(1, max(n // 2, 1) + 1)
+    squares = shortest_squares(n, a)
+    best = int(np.argmax(squares))
+    return int(a[best]), int(squares[best])
+
+
+def best_spatial(n: int) -> tuple[int, int, int]:
+    """Return the first ``a <= b`` of a best lattice in three dimensions, and its squared distance.
+
+    The search covers all pairs. A shortest vector is no longer than Hermite's bound for the volume n**2, so
+    for each ``a`` only the few i with a short i (1, a) matter.
+
+    ``n``: at most 2**16, so that the squares fit their words. Takes n**2 bytes of memory.
+    """
+    half = n // 2
+    number = np.arange(half + 1, dtype=np.int64)
+    squares = np.empty((half + 1, half + 1), np.uint32)
+    """The square of the distance of i b from the closest multiple of n, in row i and column b."""
+    for i in number:
+        product = i * number % n
+        squares[i] = np.minimum(product, n - product) ** 2
+    bound = int(2 ** (1 / 3) * n ** (4 / 3)) + 1
+    best = (1, 1, 0)
+    for a in range(1, half + 1):
+        planar = squares[1] + squares[a]
+        shortest = np.full(half + 1 - a, bound, np.uint32)
+        for i in np.flatnonzero(planar <= bound)[1:]:
+            np.minimum(shortest, planar[i] + squares[i, a:], out=shortest)
+        b = int(np.argmax(shortest))
+        if shortest[b] > best[2]:
+            best = (a, a + b, int(shortest[b]))
+    return best
+
+
+CONTEXT = 20
+"""Letters of the Thue-Morse word in a symbol before its own."""
+
+
+def word_factors() -> list[tuple[int, ...]]:
+    """Return the 64 factors of 21 letters of the Thue-Morse word, in the order of their first occurrence."""
+    word = [0]
+    while len(word) < 2**10:
+        word += [1 - letter for letter in word]
+    length = CONTEXT + 1
+    return list(dict.fromkeys(tuple(word[i : i + length]) for i in range(len(word) - length + 1)))
+
+
+def word_children() -> NDArray[np.uint32]:
+    """Return the numbers of the two children of each symbol, shape (64, 2).
+
+    A symbol is a factor u of the Thue-Morse word: the letter at its place and those before it. The
+    substitution m of that word, 0 -> 01, 1 -> 10, writes the next level: the children of u are the factors
+    m(u)[20:41] and m(u)[21:42] [1]_. The symbols of a level are therefore successive factors of the word, and
+    equal ones are at least 24 places apart.
+
+    References
+    ----------
+    .. [1] A. Ahmed, T. Niese, H. Huang, O. Deussen, "An Adaptive Point Sampler on a Regular Lattice", 2017:
+       the idea of tiles named by factors. The rule is our own.
+    """
+    known = word_factors()
+    number = {factor: i for i, factor in enumerate(known)}
+    symbols = np.empty((len(known), 2), np.uint32)
+    for i, factor in enumerate(known):
+        image = [half for letter in factor for half in (letter, 1 - letter)]
+        for half in range(2):
+            start = CONTEXT + half
+            symbols[i, half] = number[tuple(image[start : start + CONTEXT + 1])]
+    return symbols

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._searches.worst_boxes import WorstBoxes
-from analysis.tables.make_discrepancy_records import SIZES
+from analysis.tables.discrepancy_records import SIZES
 from qmcjax import sequences
 
 Words = NDArray[np.uint32]

@@ -11,7 +11,6 @@ from matplotlib.ticker import LogLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 import analysis
-from analysis.tables.make_designed_tiles import TILES
 from figures import plot
 from figures.shared import judged
 from figures.shared.integrands import integrand_classes, integrands_of_dims
@@ -238,9 +237,13 @@ def _curves(axes: Axes, found: Found, dims: int, size: Size) -> None:
     axes.grid(lw=0.4, color="0.9")
 
 
+SIDES = {1: 64, 2: 64, 4: 32, 8: 32, 16: 16}
+"""Of the tiles in two dimensions, by numbers of samples."""
+
+
 def _tile(spp: int) -> NDArray[np.float64]:
     """Return the points of a tile as a picture."""
-    side = TILES[f"2d_{spp}"]["side"]
+    side = SIDES[spp]
     y, x = np.mgrid[:side, :side].astype(np.uint32)
     points = np.asarray(samplers.designed(side, side, spp, 1)(x, y, 0))
     return np.stack([points[..., 0], np.full((side, side), 0.5), points[..., 1]], axis=-1)

@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +11,17 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
-from analysis.tables import SEQUENCES
-from analysis.tables.make_discrepancy_records import FILES, MEASURES, SIZES
+import analysis
 from figures import plot
 from figures.shared.sheets import marks, point_plots, text_tables
 from qmcjax import sequences
+
+MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
+    "star": analysis.star_discrepancy,
+    "periodic": lambda points: float(analysis.periodic_discrepancy(points)),
+    "average": lambda points: float(analysis.symmetric_discrepancy(points)) / 2 ** points.shape[1],
+}
+"""The average squared discrepancy, here its root, is the symmetric discrepancy but for a factor."""
 
 OPTIMAL = {16: 0.0739, 20: 0.0604}
 """Proven optima in the plane, to four decimals: F. Clement et al., arXiv 2311.17463."""
@@ -91,14 +98,8 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure all sets, and draw n times their star discrepancy, and parts of Sobol's L2 discrepancies."""
-    chosen = [
-        (kind, dims, n)
-        for kind, by_dims in SIZES.items()
-        for dims, of in by_dims.items()
-        for n in of
-        if quality == "paper" or n * dims <= 280
-    ]
-    seconds = {file: np.load(SEQUENCES / file) for file in FILES.values()}
+    seconds = _seconds()
+    chosen = [row for row in seconds if quality == "paper" or row[1] * row[2] <= 280]
     rows, parts = [], []
     curves: dict[int, dict[str, dict[int, float]]] = {dims: {} for dims in CONSTRUCTED}
     for done, (kind, dims, n) in enumerate(chosen):
@@ -108,8 +109,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             sets = {name: make_set(n) for name, (_, make_set) in CONSTRUCTED[dims].items()}
         sets["record"] = record
         found = {name: MEASURES[kind](p) for name, p in sets.items() if p is not None}
-        spent = float(seconds[FILES[kind]][f"{kind}_{dims}d_{n}_seconds"])
-        row = {"kind": kind, "dims": dims, "n": n, **found, "seconds": spent}
+        row = {"kind": kind, "dims": dims, "n": n, **found, "seconds": seconds[kind, dims, n]}
         if kind == "star":
             rows.append({**row, **_published(dims, n, found["record"])})
             for name, value in found.items():
@@ -194,9 +194,21 @@ def _cells(row: dict) -> list[str]:
     ]
 
 
+def _seconds() -> dict[tuple[str, int, int], float]:
+    """Return the time of the search of each set, by discrepancy, dimensions and size."""
+    found = {}
+    for file in ("discrepancy_records.npz", "l2_discrepancy_records.npz"):
+        with np.load(Path(sequences.__file__).parent / "_data" / file) as stored:
+            for name in stored:
+                kind, dims, n, *seconds = name.split("_")
+                if seconds:
+                    found[kind, int(dims[:-1]), int(n)] = float(stored[name])
+    return dict(sorted(found.items(), key=lambda item: ([*MEASURES].index(item[0][0]), *item[0][1:])))
+
+
 def _l2_panel(axes: Axes, parts: list[dict]) -> None:
     """Draw what part of Sobol's L2 discrepancies remains."""
-    for (kind, line), dims in itertools.product(L2_STYLES.items(), SIZES["periodic"]):
+    for (kind, line), dims in itertools.product(L2_STYLES.items(), CONSTRUCTED):
         of_kind = [row for row in parts if (row["kind"], row["dims"]) == (kind, dims)]
         shown = {row["n"]: row["record"] / row[SOBOL] for row in of_kind}
         look = plot.Style(f"C{dims}", ".", line)

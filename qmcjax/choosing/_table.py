@@ -165,7 +165,7 @@ def like(setting: Setting, size: tuple[int, int]) -> tuple[int, int]:
 
 @cache
 def table(file: str) -> tuple[Row, ...]:
-    """Read a table, one size after the other; see ``analysis/tables/make_recommendations.py``."""
+    """Read a table, one size after the other; see ``analysis/tables/recommendations.py``."""
     (setting,) = (setting for setting in SETTINGS.values() if setting.file == file)
     with tables.file("choosing", file).open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))

@@ -90,7 +90,7 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     integrands of two groups are up to 1.3 times as large.
 
     The construction, from rational functions and those of an elliptic curve as in [1]_, is our own;
-    ``analysis/tables/make_progressive.py`` has the proof. It keeps any permutation of the quadrants of a
+    ``analysis/tables/progressive.py`` has the proof. It keeps any permutation of the quadrants of a
     square. As in :func:`optimized`, these were searched for the least error after a Gaussian filter of 1.5
     pixels, for half-spaces and over all nested uniform scramblings: here for the mean over 1, 2, 4, ..., 4096
     samples. Owen scrambling makes each sample of each pixel uniform over keys, also the first one.

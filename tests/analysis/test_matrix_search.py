@@ -13,7 +13,7 @@ from tables import again, first
 
 import analysis._searches.matrix_search as module
 from analysis import search_matrices, squared_min_distance
-from analysis.tables import SEQUENCES, make_searched
+from analysis.tables import SEQUENCES, large_distances
 from qmcjax import samplers, sequences
 from qmcjax.core import number_theory
 
@@ -272,25 +272,18 @@ def test_the_sequence_is_a_02_sequence_to_its_last_digit():
     assert is_02_sequence(matrices)
 
 
-def test_the_program_of_the_data(monkeypatch, tmp_path):
-    """For small m it writes the committed lines; the sequence is cut short."""
-    few = {2: 5, 3: 12, 5: 82}  # one target below what is found
-    nets, sequence = make_searched.NETS, make_searched.SEQUENCE
-    monkeypatch.setattr(make_searched, "NETS", few)
-    monkeypatch.setattr(make_searched, "SEQUENCE", {m: sequence[m] for m in (2, 3, 4)})
-    make_searched.main(tmp_path)
+@pytest.mark.parametrize(
+    ("program", "file", "count"),
+    [("space_nets", "optimized_nets_3d", 2), ("plane_nets", "optimized_nets", 5)],
+)
+def test_the_programs_make_the_first_lines_of_the_data(program, file, count):
+    *_, text = islice(getattr(large_distances, program)(), count)
+    assert (SEQUENCES / f"{file}.txt").read_text().startswith(text)
+    assert text.count("\n") == count + 1
 
-    def lines(folder, name):
-        return [line for line in (folder / name).read_text().splitlines() if not line.startswith("#")]
 
-    found = lines(tmp_path, "optimized_nets_3d.txt")
-    assert found == [
-        line for line in lines(SEQUENCES, "optimized_nets_3d.txt") if int(line.split()[0]) in few
-    ]
-    (found,) = lines(tmp_path, "optimized_sequence.txt")
-    rows = np.array([list(row) for row in found.split()[1:]], np.uint8).reshape(2, 4, 4)
-    assert is_02_sequence(rows)
-    assert brute_force(multiplied(rows), 2**4) >= sequence[4]
+def test_the_targets_of_the_program_are_reached():
+    nets, sequence = large_distances.NETS, large_distances.SEQUENCE
     assert nets.keys() == sequence.keys() == NETS.keys()
     assert all(nets[m] <= NETS[m] and sequence[m] <= SEQUENCE[m] for m in NETS)
 

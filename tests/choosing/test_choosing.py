@@ -14,7 +14,7 @@ from scipy.stats import ttest_1samp, ttest_rel
 from tables import few
 
 import qmcjax as qj
-from analysis.tables import make_recommendations
+from analysis.tables import recommendations
 from qmcjax import choosing, samplers, scenes
 
 TABLES = Path(choosing.__file__).parent / "_data"
@@ -50,7 +50,7 @@ def test_the_tables_have_all_candidates_and_all_scenes(setting):
     sizes = ["{} x {}".format(*size) for size in of_setting.sizes]
     (side, same), (width, height) = of_setting.sizes
     assert side == same and side.bit_count() == 1 and width.bit_count() > 1 and height.bit_count() > 1
-    for level, of_level in make_recommendations.SCENES.items():
+    for level, of_level in recommendations.SCENES.items():
         assert all(len(scene.needs) <= level for scene in of_level.values())
         found = cell(None, level, 1, False, setting)
         able = [
@@ -181,7 +181,7 @@ def test_each_key_makes_other_points(name):
 
 
 def test_kinds_of_all_scenes_of_the_table_are_known():
-    for of_level in make_recommendations.SCENES.values():
+    for of_level in recommendations.SCENES.values():
         kinds = [choosing.has_edges(scene) for scene in of_level.values()]
         assert None not in kinds and min(kinds.count(True), kinds.count(False)) >= 6
 
@@ -238,8 +238,8 @@ REMEASURED = [
 def measured(setting, name):
     """Return logarithms of errors of a candidate at 4 spp in 4 dimensions, in the second size."""
     of, (_, size) = choosing.SETTINGS[setting], choosing.SETTINGS[setting].sizes
-    errors = make_recommendations.errors(of.candidates[name], of, 4, size, 4, range(of.keys))
-    return make_recommendations.logarithm(errors)
+    errors = recommendations.errors(of.candidates[name], of, 4, size, 4, range(of.keys))
+    return recommendations.logarithm(errors)
 
 
 @pytest.mark.slow
@@ -259,11 +259,11 @@ def test_margins_hold_at_a_size_that_was_not_measured():
     Scenes share keys, whose scatter is not that of the intervals.
     """
     size, spp, keys = (96, 96), 16, range(100, 108)
-    smooth = [not choosing.has_edges(scene) for scene in make_recommendations.SCENES[2].values()]
+    smooth = [not choosing.has_edges(scene) for scene in recommendations.SCENES[2].values()]
     of_keys = {
-        name: np.log(
-            make_recommendations.errors(made, choosing.STILL, 2, size, spp, keys)[0][:, smooth]
-        ).mean(axis=1)
+        name: np.log(recommendations.errors(made, choosing.STILL, 2, size, spp, keys)[0][:, smooth]).mean(
+            axis=1
+        )
         for name, made in choosing.CANDIDATES.items()
     }
     for filtered in (False, True):
@@ -280,8 +280,8 @@ def test_images_are_those_of_render():
     candidate = choosing.CANDIDATES["(0,2), Owen"]
     size = choosing.SIZES[1]
     sampler = candidate.make(2, *size, 4, 1)
-    drawn = make_recommendations.images(sampler, 2, *size, 4)
-    names = list(make_recommendations.SCENES[2])
+    drawn = recommendations.images(sampler, 2, *size, 4)
+    names = list(recommendations.SCENES[2])
     expected = qj.render(scenes.gaussian(), sampler, *size, 4)
     np.testing.assert_allclose(drawn[names.index("gaussian")], expected, atol=1e-5)
 
@@ -358,15 +358,15 @@ def test_only_images_like_the_size_count(size, place):
 def test_prefixes_are_means_of_logarithms_over_powers_of_two():
     """Of images of the first samples, by render."""
     candidate, size = choosing.SETTINGS["prefixes"].candidates["(0,2), Owen"], (12, 10)
-    of = make_recommendations.errors(candidate, choosing.SHOWN, 2, size, 4, range(1, 2))
-    place = list(make_recommendations.SCENES[2]).index("gaussian")
+    of = recommendations.errors(candidate, choosing.SHOWN, 2, size, 4, range(1, 2))
+    place = list(recommendations.SCENES[2]).index("gaussian")
     scene, sampler = scenes.gaussian(), candidate.make(2, *size, 4, 1)
     exact, _ = scene.reference(*size)
     for k, count in enumerate((1, 2, 4)):
         image = np.asarray(qj.render(scene, sampler, *size, count))
         assert of[k, 0, place, 0] == pytest.approx(np.sqrt(np.mean((image - exact) ** 2)), rel=1e-4)
     mean = np.log(of[:, 0, place, 0]).mean()
-    assert make_recommendations.logarithm(of)[0, place] == pytest.approx(mean)
+    assert recommendations.logarithm(of)[0, place] == pytest.approx(mean)
 
 
 def test_the_moving_average_forgets():
@@ -376,11 +376,11 @@ def test_the_moving_average_forgets():
     for _ in range(40):
         reached = []
         for frame in frames:
-            average = (1 - make_recommendations.ALPHA) * average + make_recommendations.ALPHA * frame
+            average = (1 - recommendations.ALPHA) * average + recommendations.ALPHA * frame
             reached.append(average)
     # Weights beyond six rounds are left out: 0.9**48 of them.
-    np.testing.assert_allclose(make_recommendations.moving_average(frames), reached, atol=0.9**48)
-    np.testing.assert_allclose(make_recommendations.moving_average(np.full((32, 1, 1), 3.0)), 3.0)
+    np.testing.assert_allclose(recommendations.moving_average(frames), reached, atol=0.9**48)
+    np.testing.assert_allclose(recommendations.moving_average(np.full((32, 1, 1), 3.0)), 3.0)
 
 
 test_bad_input_is_named = refused(

@@ -292,7 +292,7 @@ def test_errors_of_frames_are_smaller_than_along_the_hilbert_curve_after_all_fil
     assert mean[alone] + 2 * standard_error[alone] < 0
 
 
-make = pytest.importorskip("analysis.tables.make_joint_orders", exc_type=ImportError)
+make = pytest.importorskip("analysis.tables.joint_orders", exc_type=ImportError)
 
 
 def test_kernels_are_means_over_scramblings():
@@ -332,12 +332,12 @@ def test_the_objective_is_the_energy_of_all_pairs_of_pixels():
     assert total < 0.8 * make.hilbert_energy(of_points)
 
 
-moving = pytest.importorskip("analysis.tables.make_moving_orders", exc_type=ImportError)
+moving = pytest.importorskip("analysis.tables.moving_orders", exc_type=ImportError)
 
 
 @pytest.mark.slow
 def test_the_objective_of_animations_is_that_of_images_and_that_of_points_over_time():
-    """After the filter in space alone, as ``make_joint_orders`` has it; blocks of frames, by their points."""
+    """After the filter in space alone, as ``joint_orders`` has it; blocks of frames, by their points."""
     words, columns = moving_rows()[1]
     sobol = np.asarray(sequences.sobol(4).matrices)
     leading = sobol[:, :16].astype(np.int64) >> 32 - moving.DIGITS

@@ -229,6 +229,14 @@ def test_scenes_are_told_apart_by_what_they_are_made_of():
         assert [one.matches(other) for other in contents] == [j == k for j in range(len(contents))]
 
 
+def store_reference(monkeypatch, folder, name, side):
+    """Make the stored image of a scene, small, with 64 samples per pixel."""
+    for constant, value in (("SIDE", side), ("SPP", 2**6), ("CACHE", folder / "cache")):
+        monkeypatch.setattr(traced_references, constant, value)
+    (content,) = traced_references.table(name)
+    (folder / f"{name}.npz").write_bytes(content)
+
+
 @pytest.fixture
 def stored(monkeypatch, tmp_path):
     """Store an image of the caustic, and take stored images from there."""
@@ -240,8 +248,7 @@ def stored(monkeypatch, tmp_path):
     monkeypatch.setattr(traced_references, "replicate", replicate)
     monkeypatch.setattr(_stored, "FOLDER", tmp_path)
     _stored.load.cache_clear()
-    command = ["caustic", "--spp-log2", "6", "--size", "12", "--folder", str(tmp_path)]
-    traced_references.main([*command, "--cache", str(tmp_path / "cache")])
+    store_reference(monkeypatch, tmp_path, "caustic", 12)
     yield tmp_path
     _stored.load.cache_clear()
 
@@ -311,7 +318,7 @@ def test_a_reference_is_what_renders_converge_to(tmp_path, monkeypatch):
     """The mean over the image of a quick render is within the bound of the stored one's and its own error."""
     monkeypatch.setattr(_stored, "FOLDER", tmp_path)
     _stored.load.cache_clear()
-    traced_references.make("occluder", 32, 2**6, tmp_path / "cache", tmp_path)
+    store_reference(monkeypatch, tmp_path, "occluder", 32)
     scene = scenes.occluder()
     image, bound = scene.reference(8, 8)
     estimate, own = qj.estimated_reference(scene, 8, 8, 2**10, key=5, dtype=jnp.float32)

@@ -5,7 +5,7 @@ import pytest
 from tables import first, is_net
 
 import analysis
-from analysis.tables import make_cascade
+from analysis.tables import sobol_components
 from qmcjax import sequences
 
 
@@ -49,7 +49,7 @@ def test_no_dimension_comes_again_and_others_are_near_nets():
     pascal = np.asarray(sequences.sobol(2).matrices)[1]
     columns = [np.uint32(1) << np.arange(32 - 10, 32, dtype=np.uint32)]
     for _ in range(3):
-        columns.append(make_cascade.following(columns[-1], 10, pascal))
+        columns.append(sobol_components.following(columns[-1], 10, pascal))
     assert np.array_equal(columns[0], columns[3])
 
 

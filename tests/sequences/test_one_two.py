@@ -6,7 +6,7 @@ import numpy as np
 from tables import first
 
 import analysis
-from analysis.tables import make_one_two
+from analysis.tables import SEQUENCES, one_two
 from qmcjax import sequences
 
 MATRICES = np.asarray(sequences.one_two(20).matrices)
@@ -37,19 +37,19 @@ def test_joe_and_kuos_pairs_are_worse():
 
 def test_polynomials_are_p_and_its_quadratic():
     """Irreducible, all different, and each second one p**2 + p + 1."""
-    numbers = sequences.read_direction_numbers(make_one_two.SEQUENCES / "one_two.txt")
+    numbers = sequences.read_direction_numbers(SEQUENCES / "one_two.txt")
     polynomials = [polynomial for polynomial, _ in numbers]
     assert len(set(polynomials)) == 19
     assert polynomials[0] == 0b11
     for p, q in zip(polynomials[1::2], polynomials[2::2], strict=True):
-        assert q == make_one_two.quadratic(p)
+        assert q == one_two.quadratic(p)
 
 
 def test_the_search_finds_pairs():
     """Of the smallest degrees; the search's rows are those of the recurrence."""
     for p in (0b111, 0b100101):
-        found = make_one_two.pair(p, random.Random(3))
+        found = one_two.pair(p, random.Random(3))
         matrices = np.asarray(sequences.sobol_of(found).matrices)[1:]
         assert max(analysis.t_value(matrices, m=m) for m in range(1, 33, 3)) == 1
-    rows = make_one_two.rows_of([0b1, 0b0], 0b111, 2)
+    rows = one_two.rows_of([0b1, 0b0], 0b111, 2)
     assert [row & 7 for row in rows] == [0b110, 0b000]

@@ -6,7 +6,7 @@ import pytest
 from tables import slow
 
 from analysis import t_value
-from analysis.tables import make_quadruples
+from analysis.tables import quadruples
 from qmcjax import sequences
 
 DIMS = 32
@@ -55,7 +55,7 @@ def test_pairs_of_different_quadruples_are_not_bad():
 
 
 def test_the_search_finds_such_matrices():
-    matrices, ts = make_quadruples.quadruple(5, last=5)
+    matrices, ts = quadruples.quadruple(5, last=5)
     assert ts == [1] * 5
     for m in range(1, 6):
         leading = matrices[:, :m, :m].astype(np.int64)
@@ -66,7 +66,7 @@ def test_the_search_finds_such_matrices():
 def test_dependencies_are_found_in_small_matrices():
     """All of 3 x 2: the rows' sums with these factors vanish, and the defect is what the rank leaves."""
     rows = np.array(np.meshgrid(*[range(3)] * 6)).reshape(6, -1).T.reshape(-1, 3, 2).astype(np.int8)
-    defects, factors = make_quadruples.dependencies(rows)
+    defects, factors = quadruples.dependencies(rows)
     assert factors.any(axis=1).all()
     assert not ((factors[:, :, None] * rows).sum(axis=1) % 3).any()
     spanned = [len({tuple(np.array(f) @ r % 3) for f in np.ndindex(3, 3, 3)}) for r in rows]

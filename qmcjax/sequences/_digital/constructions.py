@@ -66,8 +66,8 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
     Notes
     -----
     The construction is that of [1]_; the components are from our own search
-    (``analysis/tables/make_cascade.py``) among Joe and Kuo's, one after the other, for small t of all pairs,
-    and of three and four consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P,
+    (``analysis/tables/sobol_components.py``) among Joe and Kuo's, one by one, for small t of all pairs, and
+    of three and four consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P,
     that of x + 1, for all dimensions, every third dimension is the same, since (P J)**3 is the identity,
     where J reverses the digits. Over all pairs of the 32 dimensions, the mean of t is 2.1, 2.7 and 3.3 for m
     = 8, 12 and 15, the largest t 6, 8 and 11; for :func:`sobol` the mean is 2.2, 2.5 and 2.9, the largest 5,
@@ -118,7 +118,7 @@ def one_two(dims: int) -> Digital:
     Notes
     -----
     In Sobol's construction x and x + 1 give the only (0,2)-sequence. The polynomials p and p**2 + p + 1 can
-    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/make_one_two.py``), for
+    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/one_two.py``), for
     all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They are
     not those of [1]_.
 
@@ -269,7 +269,7 @@ def niederreiter_xing(dims: int) -> Digital:
     The construction is that of [1]_ for function fields over F_2 of genus t with one rational place more than
     dimensions; in four dimensions the elliptic curve y^2 + y = x^3 + x. A fixed place gives the digits of
     functions, which have poles at one of the others for each coordinate (its theorem and proof:
-    ``analysis/tables/make_niederreiter_xing.py``, which makes the matrices). They are not those of [2]_,
+    ``analysis/tables/niederreiter_xing.py``, which makes the matrices). They are not those of [2]_,
     which have the same t.
 
     A small t of all coordinates does not mean good projections. In four dimensions, every pair has t = 1
@@ -281,8 +281,8 @@ def niederreiter_xing(dims: int) -> Digital:
     ..., 14, Sobol's 1.7.
 
     Digital sequences in base 2 with t <= 1 in four dimensions end at 2**9 points if a single coordinate has
-    t = 0, and at 2**5 if a pair has: exhaustive searches find no others
-    (``analysis/tables/search_columns.py``).
+    t = 0, and at 2**5 if a pair has: exhaustive searches over all generator
+    matrices, column by column, find no others.
 
     References
     ----------

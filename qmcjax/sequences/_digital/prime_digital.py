@@ -227,7 +227,7 @@ def quad_optimized(dims: int) -> PrimeDigital:
 
     Notes
     -----
-    Found by ``analysis.tables.make_quadruples``: matrices that grow column by column, each column by a local
+    Found by ``analysis.tables.quadruples``: matrices that grow column by column, each column by a local
     search. Optimising consecutive pairs and quadruples is the idea of [1]_, which searches Sobol's
     construction over F_3; the matrices here are our own. The points of the quadruples are numbered in
     different ways, chosen for small t of other pairs of coordinates, too.

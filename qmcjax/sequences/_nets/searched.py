@@ -171,7 +171,7 @@ def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
 
     Notes
     -----
-    Found by ``python -m analysis.tables.make_discrepancy_records``, separately for each n: a set is neither
+    Found by ``python -m analysis.tables discrepancy_records.npz``, separately for each n: a set is neither
     part of another one nor a digital net. Smaller discrepancies may exist. The points are sorted, so do not
     use only the first few of them. ``python -m analysis.tables.check_discrepancy`` computes the discrepancies
     in rational arithmetic, and prints a box where a star discrepancy is attained. For a file to cite, use

@@ -1,7 +1,5 @@
 """Search for orders of pixels and words of frames together, for animations in four coordinates.
 
-Run with ``python -m analysis.tables.make_moving_orders`` (minutes on one core; needs Numba).
-
 In an animation, point i of frame t is point i of Sobol's sequence xor a word of t, as in
 :func:`qmcjax.sequences.in_time`: the triangle L of binomial coefficients times a point of another digital
 sequence, of upper triangular regular matrices T_j. Whichever these are, each coordinate is stratified in
@@ -9,7 +7,7 @@ every aligned window of pixels and frames. Up to scramblings no other matrices d
 windows of k rows must be regular, so row after row each column follows from k bits, and that is L times an
 upper triangular matrix.
 
-The index of a pixel's block is a linear map of the bits of its coordinates, as in ``make_joint_orders``. So
+The index of a pixel's block is a linear map of the bits of its coordinates, as in ``joint_orders``. So
 two samples in space and time have a covariance that depends on the xor of their coordinates and frames
 alone. The mean squares of errors after several filters in space and time are sums over few such xors, and
 the words of the bits of x and y, and the first columns of T_j, are annealed for the least geometric mean.
@@ -18,17 +16,24 @@ The filters are those of the figure ``space-time``: a Gaussian of 1.5 pixels for
 average of 0.1, and with a Gaussian of 1.5 frames; the moving average alone; blocks of eight frames alone.
 """
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import jax.numpy as jnp
 import numba  # pyright: ignore[reportMissingImports]
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.tables import SAMPLERS
-from analysis.tables.make_joint_orders import LOG_SIDE, Xors, filter_xors, kernels, product, ranked, relative
-from analysis.tables.make_optimized_orders import FILTER
+from analysis.tables.joint_orders import (
+    LOG_SIDE,
+    Xors,
+    changed,
+    filter_xors,
+    kernels,
+    product,
+    rank_samples,
+    relative,
+)
+from analysis.tables.optimized_orders import FILTER
 from qmcjax import sequences
 from qmcjax.core.bits import pascal
 
@@ -129,23 +134,20 @@ def _energies(table, zeros, of_pixels, of_frames, of_samples, xors, filters):
 
 @numba.njit(cache=True)
 def _anneal(table, zeros, pixels, words, times, triangle, samples, xors, filters, shares, trials, seed):
-    """Change digits of times above the diagonal, and words of pixels as in ``make_joint_orders``."""
+    """Change digits of times above the diagonal, and words of pixels as in ``joint_orders``."""
     np.random.seed(seed)
     energy = least = np.inf
     best_words, best_times = words, times
     for trial in range(trials):
-        tried_words, tried_times = words.copy(), times.copy()
+        tried_words, tried_times = words, times.copy()
         if len(xors.codes) == 1 or np.random.random() < TIME_MOVES:
             for _ in range(1 + np.random.randint(2)):
                 k = 1 + np.random.randint(times.shape[1] - 1)
                 tried_times[np.random.randint(4), k] ^= 1 << (DIGITS - 1 - np.random.randint(k))
         else:
-            one, other = np.random.randint(words.size), np.random.randint(words.size)
-            if one == other or other // 2 > one // 2:
+            tried_words = changed(words)
+            if not tried_words.size:
                 continue
-            tried_words[one] ^= words[other]
-            if one // 2 == other // 2 and np.random.random() < 0.3:
-                tried_words[one], tried_words[other] = words[other], words[one]
         of_pixels = _products(pixels, np.broadcast_to(tried_words, (4, words.size)))
         of_frames = _products(triangle, tried_times)
         found = _energies(table, zeros, of_pixels, of_frames, samples, xors, filters)
@@ -162,10 +164,8 @@ def _leading(columns: NDArray[np.uint32]) -> NDArray[np.int64]:
     return (columns >> np.uint32(32 - DIGITS)).astype(np.int64)
 
 
-def search(
-    log_count: int, report: Callable[[str], None] = print
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Return the words of bits of pixels as ``make_joint_orders`` does, and columns of times, uint32."""
+def search(log_count: int) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
+    """Return the words of bits of pixels as ``joint_orders`` does, and columns of times, uint32."""
     columns = np.asarray(sequences.sobol(DIMS).matrices)
     unit = np.uint32(1) << np.arange(31, 31 - DIGITS, -1, dtype=np.uint32)
     # Its lowest bit is the last digit.
@@ -188,29 +188,24 @@ def search(
             )
         of_pixels = _products(pixels, np.broadcast_to(words, (DIMS, words.size)))
         energies = _energies(table, zeros, of_pixels, _products(triangle, times), samples, near, filters)
-        found.append((ALL @ np.log(energies), energies, words, times))
-    _, energies, words, times = min(found, key=lambda one: one[0])
-    report(f"{2**log_count} samples: {np.sqrt(energies).round(4)} of white noise")
+        found.append((ALL @ np.log(energies), words, times))
+    _, words, times = min(found, key=lambda one: one[0])
     *of_first, _ = relative(columns, log_count)
     of_times = times.astype(np.uint32) << np.uint32(32 - DIGITS)
-    return ranked(words << log_count, of_first, every, log_count, report), of_times
+    return rank_samples(words << log_count, of_first, every, log_count), of_times
 
 
 HEAD = """\
 # Binary logarithm of the number of samples, the indices of bits 0 of x, 0 of y, 1 of x, ..., and the columns
 # of the matrices of frames, one coordinate after the other
-# Made by python -m analysis.tables.make_moving_orders
+# Made by python -m analysis.tables optimized_moving.txt
 """
 
 
-def main(folder: Path = SAMPLERS) -> None:
-    """Write optimized_moving.txt."""
-    lines = []
+def table() -> Iterator[str]:
+    """Yield the words, one number of samples after the other."""
+    text = HEAD
     for log_count in range(LOG_COUNTS):
-        words, times = search(log_count, lambda text: print(text, flush=True))
-        lines.append(" ".join([str(log_count), *(f"{word:x}" for word in [*words, *times.ravel()])]))
-    (folder / "optimized_moving.txt").write_text(HEAD + "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+        words, times = search(log_count)
+        text += " ".join([str(log_count), *(f"{word:x}" for word in [*words, *times.ravel()])]) + "\n"
+        yield text

@@ -1,9 +1,5 @@
 """Search for the optimised orders: permutations of quadrants, and numbers of the first samples of pixels.
 
-Run with ``python -m analysis.tables.make_optimized_orders FOLDER`` (minutes on one core; needs Numba).
-Results go to one file per number of samples in the folder; those that exist are not searched again.
-The tables are written when all are complete.
-
 The objective is the mean square of an image's error after a Gaussian filter, in closed form. For random
 half-planes as integrands the covariance of the values at two points is, up to constants, minus their
 distance: the number of lines through a square that separate two points is proportional to it. Over all nested
@@ -13,31 +9,20 @@ of their indices as index; so the covariance of the means of two aligned blocks 
 their numbers, a short array. No integrand and no scrambling is drawn, so none has an advantage.
 
 Alternatives, as filtered errors relative to white noise by half-planes, and in brackets by the
-kernel exp(-4 |a - b|**2) of smooth integrands; the order for 4 samples has 0.522 (0.258):
-
-- A free permutation of the pixels of the tile, which keeps no blocks together: annealed with 600 trials per
-  pixel from a random one, it ends at 0.549 (0.308), with 4000 trials from our order, melted at a sixth
-  of the temperature, at 0.527 (0.273). At one sample, 0.488 (0.360) compared to our 0.465 (0.324). No search
-  showed any cost of the hierarchy.
-- Both kernels in the objective, with four times as much weight on the smooth one: 0.532 (0.257), no gain.
-- For the first samples of 64, both kernels in the objective (the same few trials each): 16 samples go from
-  0.654 (0.505) to 0.668 (0.473), 4 from 0.635 (0.456) to 0.648 (0.451), 1 from 0.570 (0.481) to 0.572
-  (0.478): too little compared to orders made for these numbers, 0.529 (0.248), 0.522 (0.258) and 0.465
-  (0.324).
-- The first 16 alone, with no weight on fewer: 0.618 (0.445); the first one alone: 0.512 (0.399). They are
-  limited by the order for 64, which is searched first.
+kernel exp(-4 |a - b|**2) of smooth integrands; the order for 4 samples has 0.522 (0.258). A free permutation
+of the pixels, which keeps no blocks together, ends at 0.527 (0.273) if it starts from our order, so the
+hierarchy costs nothing that a search showed. Both kernels in the objective: 0.532 (0.257), no gain. For the
+first samples of 64, both kernels gain too little compared to orders made for these numbers.
 """
 
-import sys
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Iterator
+from functools import cache
 from typing import NamedTuple
 
 import numba  # pyright: ignore[reportMissingImports]
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.tables import ORDERS, SAMPLERS
 from qmcjax import sequences
 
 LOG_SIDE = 6
@@ -230,44 +215,25 @@ def packed(positions: NDArray[np.int64]) -> NDArray[np.uint8]:
     return np.concatenate(found).astype(np.uint8)
 
 
-def search(
-    log_side: int, log_count: int, trials: int, report: Callable[[str], None] = print
-) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+@cache
+def search(log_count: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
     """Return the positions of the pixels of a tile, and the numbers of their first samples."""
-    pairs, seed = filter_pairs(), log_count
-    positions = random_order(log_side, np.random.default_rng(seed))
-    of_pixels = covariances(log_count, 2 * log_side)
-    drawn = np.sqrt(energy(of_pixels, pairs, positions, 0))
-    anneal_order(of_pixels, pairs, positions, trials * 4**log_side, HOT, COLD, seed)
-    found = np.sqrt(energy(of_pixels, pairs, positions, 0))
-    report(f"{2**log_count} samples: filtered {found:.4f} of white noise, drawn permutations {drawn:.4f}")
+    pairs, trials = filter_pairs(), TRIALS * 4**LOG_SIDE
+    positions = random_order(LOG_SIDE, np.random.default_rng(log_count))
+    anneal_order(covariances(log_count, 2 * LOG_SIDE), pairs, positions, trials, HOT, COLD, log_count)
     numbers = positions << log_count
     if log_count:
-        tables = tuple(covariances(k, 2 * log_side + log_count - k) for k in range(log_count))
+        tables = tuple(covariances(k, 2 * LOG_SIDE + log_count - k) for k in range(log_count))
         weights = np.array([SPARSE if (log_count - k) % 2 else 1 for k in range(log_count)], np.float32)
-        anneal_ranks(tables, weights, pairs, numbers, trials * 4**log_side, HOT, COLD, seed)
-        for k, table in enumerate(tables):
-            found = np.sqrt(energy(table, pairs, numbers, k))
-            report(f"  the first {2**k} of them: {found:.4f}")
+        anneal_ranks(tables, weights, pairs, numbers, trials, HOT, COLD, log_count)
     return positions, (numbers & (2**log_count - 1)).astype(np.uint8)
 
 
-def main(folder: Path, orders: Path = ORDERS, samplers: Path = SAMPLERS) -> None:
-    """Write optimized.npz and optimized_ranks.npz; search what is missing in the folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    found = []
-    for log_count in range(LOG_COUNTS):
-        file = folder / f"{log_count}.npz"
-        if not file.exists():
-            positions, ranks = search(LOG_SIDE, log_count, TRIALS)
-            with file.open("wb") as stream:
-                np.savez_compressed(stream, permutations=packed(positions), ranks=ranks)
-        with np.load(file) as table:
-            found.append((table["permutations"], table["ranks"]))
-    permutations, ranks = (np.stack(tables) for tables in zip(*found, strict=True))
-    np.savez_compressed(orders / "optimized.npz", permutations=permutations)
-    np.savez_compressed(samplers / "optimized_ranks.npz", ranks=ranks)
+def orders() -> Iterator[dict[str, NDArray]]:
+    """Yield the permutations of quadrants for each number of samples."""
+    yield {"permutations": np.stack([packed(search(k)[0]) for k in range(LOG_COUNTS)])}
 
 
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+def ranks() -> Iterator[dict[str, NDArray]]:
+    """Yield the numbers of the first samples of pixels for each number of samples."""
+    yield {"ranks": np.stack([search(k)[1] for k in range(LOG_COUNTS)])}

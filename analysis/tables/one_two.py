@@ -1,7 +1,5 @@
 """Search for direction numbers that make pairs of Sobol' components (1,2)-sequences.
 
-``python -m analysis.tables.make_one_two`` writes ``one_two.txt`` (minutes).
-
 The polynomials of a pair are p and q = p**2 + p + 1 (N. Bonneel et al., "Sobol' Sequences with
 Guaranteed-Quality 2D Projections", 2025). Let L_r be the series, in 1/x, of row r of the matrix of p, of
 degree s: x**(-k - 1) stands for column k. The recurrence of direction numbers (Eq. 5.13 of the thesis) says
@@ -18,13 +16,12 @@ with each previous one.
 """
 
 import random
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis import t_value
-from analysis.tables import SEQUENCES
 from qmcjax.sequences import DirectionNumbers, direction_numbers_text, sobol_of
 
 SIZE = 32
@@ -161,8 +158,8 @@ def cost(matrices: NDArray[np.uint32], most: float) -> float:
     return total
 
 
-def main(folder: Path = SEQUENCES) -> None:
-    """Write one_two.txt into a folder."""
+def table() -> Iterator[str]:
+    """Yield the direction numbers, pair after pair."""
     draw = random.Random(1)
     numbers = [DirectionNumbers(0b11, (1,))]
     for p in range(0b101, 2 ** (DEGREES + 1), 2):
@@ -175,9 +172,4 @@ def main(folder: Path = SEQUENCES) -> None:
             if costs < least:
                 least, best = costs, found
         numbers += best
-        print(f"{p:b}", least, flush=True)
-    (folder / "one_two.txt").write_text(direction_numbers_text(numbers))
-
-
-if __name__ == "__main__":
-    main()
+        yield direction_numbers_text(numbers)

@@ -1,19 +1,16 @@
 """Search for generator matrices of quad_optimized, over F_3: quadruples of small t made of pairs of t = 0.
 
-Run once (minutes): ``python -m analysis.tables.make_quadruples``. Matrices are unit upper triangular and grow
-column by column. For t, certain rows must be independent. If their parts in the known columns are, any new
-digits are valid; if these are dependent, by one vanishing sum, the same sum of the new digits must not
-vanish. So some linear forms of the digits of a column must not be 0, and a local search finds such digits.
-Several partial solutions are kept, as not all can be continued.
+Matrices are unit upper triangular and grow column by column. For t, certain rows must be independent. If
+their parts in the known columns are, any new digits are valid; if these are dependent, by one vanishing sum,
+the same sum of the new digits must not vanish. So some linear forms of the digits of a column must not be 0,
+and a local search finds such digits. Several partial solutions are kept, as not all can be continued.
 """
 
+import itertools
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-
-from analysis.tables import SEQUENCES
 
 Matrices = NDArray[np.int8]
 
@@ -175,21 +172,16 @@ def renumbered(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Ge
     return min(candidates, key=cost)
 
 
-def main(folder: Path = SEQUENCES) -> None:
-    """Write quadruples.txt into a folder."""
+def table() -> Iterator[str]:
+    """Yield the matrices, quadruple after quadruple."""
     rng = np.random.default_rng(0)
     quadruples: list[Matrices] = []
-    seed = 0
-    while len(quadruples) < QUADRUPLES:
+    lines = ["# Unit upper triangular matrices over F_3, one a line: rows, first digits first"]
+    for seed in itertools.count():
+        if len(quadruples) == QUADRUPLES:
+            return
         found = quadruple(seed)
-        seed += 1
         if found is not None:
             quadruples.append(renumbered(quadruples, found[0], rng))
-            print(len(quadruples), "of seed", seed - 1, flush=True)
-    lines = ["# Unit upper triangular matrices over F_3, one a line: rows, first digits first"]
-    lines += [" ".join("".join(map(str, row)) for row in matrix) for four in quadruples for matrix in four]
-    (folder / "quadruples.txt").write_text("\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+            lines += [" ".join("".join(map(str, row)) for row in matrix) for matrix in quadruples[-1]]
+            yield "\n".join(lines) + "\n"

@@ -1,16 +1,12 @@
 """Search for point sets of small discrepancy, and keep the best of each size.
 
-Run as long and as often as you like: ``python -m analysis.tables.make_discrepancy_records 60`` searches
-each size for 60 seconds, starting from the stored points. ``... 60 star:2:100,220 periodic:3:64`` does so for
-some discrepancies, dimensions and sizes. Points are stored as 32-bit fractions, and the discrepancy of these
-counts. A set is replaced only by a better one.
+Run as long and as often as you like: each size is searched for a minute, starting from the stored points.
+Points are stored as 32-bit fractions, and the discrepancy of these counts. A set is replaced only by a better
+one. ``python -m analysis.tables.check_discrepancy`` certifies them.
 """
 
-import sys
 import time
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +36,9 @@ FILES = {
     "average": "l2_discrepancy_records.npz",
 }
 
+SECONDS = 60.0
+"""Time of the search of one size."""
+
 _STARTS = 64
 """Sets of which the best is the start of a descent of an L2 discrepancy."""
 
@@ -54,13 +53,9 @@ MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
 """The average squared discrepancy, here its root, is the symmetric discrepancy but for a factor."""
 
 
-def improve(folder: Path, discrepancy: str, n: int, dims: int, seconds: float) -> None:
+def improve(kept: dict[str, NDArray], discrepancy: str, n: int, dims: int, seconds: float) -> None:
     """Search one size; keep what is better, and the seconds that went into it."""
-    path, name = folder / FILES[discrepancy], f"{discrepancy}_{dims}d_{n}"
-    kept: dict[str, Any] = {}
-    if path.exists():
-        with np.load(path) as stored:
-            kept = dict(stored)
+    name = f"{discrepancy}_{dims}d_{n}"
     spent, began = float(kept.get(f"{name}_seconds", 0.0)), time.process_time()
     start = kept[name] * 2.0**-32 if name in kept else None
     rng = np.random.default_rng([n, dims, round(spent)])
@@ -72,16 +67,10 @@ def improve(folder: Path, discrepancy: str, n: int, dims: int, seconds: float) -
         points = search_boxes(n, dims, seconds, rng, start)
     words = np.floor(points * 2.0**32).astype(np.uint32)
     words = words[np.argsort(words[:, 0], kind="stable")]
-    before = np.inf if start is None else MEASURES[discrepancy](start)
-    found = MEASURES[discrepancy](words.astype(np.float64) * 2.0**-32)
-    if found < before:
+    measure = MEASURES[discrepancy]
+    if start is None or measure(words * 2.0**-32) < measure(start):
         kept[name] = words
-    spent += time.process_time() - began
-    kept[f"{name}_seconds"] = np.float64(spent)
-    partial = path.with_suffix(".partial.npz")
-    np.savez_compressed(partial, **{key: kept[key] for key in sorted(kept)})
-    partial.replace(path)
-    print(f"{name}: {before:.9f} -> {min(found, before):.9f}, {spent:.0f} s in all", flush=True)
+    kept[f"{name}_seconds"] = np.float64(spent + time.process_time() - began)
 
 
 def _descents(
@@ -104,17 +93,12 @@ def _descents(
     return best
 
 
-def main(seconds: float, sizes: dict[str, dict[int, tuple[int, ...]]], folder: Path = SEQUENCES) -> None:
-    """Search all sizes, each for some seconds."""
-    for discrepancy, by_dims in sizes.items():
-        for dims, numbers in by_dims.items():
-            for n in numbers:
-                improve(folder, discrepancy, n, dims, seconds)
-
-
-if __name__ == "__main__":
-    chosen: dict[str, dict[int, tuple[int, ...]]] = {}
-    for text in sys.argv[2:]:
-        discrepancy, dims, numbers = text.split(":")
-        chosen.setdefault(discrepancy, {})[int(dims)] = tuple(map(int, numbers.split(",")))
-    main(float(sys.argv[1]), chosen or SIZES)
+def table(*discrepancies: str) -> Iterator[dict[str, NDArray]]:
+    """Yield the sets, size after size."""
+    with np.load(SEQUENCES / FILES[discrepancies[0]]) as stored:
+        kept = dict(stored)
+    for discrepancy in discrepancies:
+        for dims, sizes in SIZES[discrepancy].items():
+            for n in sizes:
+                improve(kept, discrepancy, n, dims, SECONDS)
+                yield {name: kept[name] for name in sorted(kept)}

@@ -1,16 +1,12 @@
-"""Make the tiles of the designed sampler: ``python -m analysis.tables.make_designed_tiles``.
-
-About half an hour on two cores.
-"""
+"""Tiles of the designed sampler, by :func:`analysis.design_samples`."""
 
 from __future__ import annotations
 
-import argparse
-import sys
-from pathlib import Path
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis import Filter, design_samples
 from analysis._design.filters import autocorrelation
@@ -59,41 +55,21 @@ TILES: dict[str, dict[str, Any]] = {
 """Smaller tiles where they serve as well: with more samples, strata of areas are as many."""
 
 
-def tile(name: str, folder: Path) -> np.ndarray:
-    """Return the words of a tile; a run that was interrupted goes on."""
+def tile(name: str) -> NDArray[np.uint16]:
+    """Return the words of a tile."""
     how = dict(TILES[name])
     side, frames = how.pop("side"), how.get("frames")
     if how["dims"] == 4:
         how["integrands"] = _JOINT
     if frames:
         how["filters"] = _equal(_IN_TIME, (side, side, frames))
-    kept = folder / f"{name}.checkpoint"
-    made = design_samples(side, side, key=KEY, **how, progress=progress_bar(name), checkpoint=kept)
-    print(f"{name}: expected error {made.errors[0]:.5f}, designed {made.errors[-1]:.5f}", flush=True)
-    return tile_words(made.points if frames else made.points[:, :, None])
+    points = design_samples(side, side, key=KEY, **how, progress=progress_bar(name)).points
+    return tile_words(points if frames else points[:, :, None])
 
 
-def main(arguments: list[str] | None = None) -> None:
-    """Make the tiles that are asked for, and write them with those there are."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(TILES)}; all by default")
-    parser.add_argument("--folder", type=Path, default=Path("qmcjax/samplers/_data"))
-    wanted = parser.parse_args(arguments)
-    names = wanted.names or list(TILES)
-    if not set(names) <= set(TILES):
-        sys.exit(f"names must be of {', '.join(TILES)}, got {' '.join(names)}")
-    target = wanted.folder / "designed.npz"
-    tiles = {}
-    if target.exists():
-        with np.load(target) as there:
-            tiles = dict(there)
-    for name in names:
-        tiles[name] = tile(name, wanted.folder)
-        temporary = target.with_suffix(".part.npz")
-        np.savez(temporary, allow_pickle=False, **{key: tiles[key] for key in TILES if key in tiles})
-        temporary.replace(target)
-        (wanted.folder / f"{name}.checkpoint").unlink(missing_ok=True)
-
-
-if __name__ == "__main__":
-    main()
+def table() -> Iterator[dict[str, NDArray]]:
+    """Yield the tiles, one after the other."""
+    tiles: dict[str, NDArray] = {}
+    for name in TILES:
+        tiles[name] = tile(name)
+        yield tiles

@@ -1,26 +1,28 @@
-"""Search for generator matrices of (0,m,2)-nets with large minimum distance by simulated annealing.
+"""Nets and lattices of large minimum distance: in the plane by annealing, in space by other searches.
 
-Run once (half a minute): ``python -m analysis.tables.make_optimized_nets``.
-
-Together with i / 2**m, a matrix C gives a (0,m,2)-net if and only if all its leading minors are 1. The
-annealing flips entries and rejects matrices without this property. Its energy is the number of pairs of
-points closer than a target: zero if that is reached. Matrices of order 7 and 9 that reach theirs have smaller
-such matrices in their middle, which are kept.
+**In the plane.** Together with i / 2**m, a matrix C gives a (0,m,2)-net if and only if all its leading minors
+are 1. The annealing flips entries and rejects matrices without this property. Its energy is the number of
+pairs of points closer than a target: zero if that is reached. Matrices of order 7 and 9 that reach theirs
+have smaller such matrices in their middle, which are kept.
 
 Larger nets come from two of the matrices, of order 6 and 9, as diag(1, C, 1), repeatedly: see
 :func:`qmcjax.sequences.optimized_net`. There a pair that crosses a side border may in the end come
 closer by a unit in y, and one that crosses the upper border by a unit in x. These two matrices are searched
 until one reaches its target in spite of this loss.
+
+**In space.** The (0,m,3)-nets and the (0,2)-sequence are results of :func:`analysis.search_matrices`. Longer
+searches with the same method showed that the targets are within reach in short time. They need not be the
+largest distances. Of rank-1 lattices all pairs of components are compared.
 """
 
 import math
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import squared_min_distance
-from analysis.tables import SEQUENCES
+from analysis import MatrixSearch, search_matrices, squared_min_distance
+from qmcjax.core.number_theory import best_spatial
 
 TARGETS = {1: 2, 2: 2, 3: 8, 4: 13, 5: 29, 6: 52, 7: 100, 9: 425}
 """Squared distances: those of Table 5.1 in the thesis, but 425 instead of 400 for m = 9."""
@@ -111,26 +113,82 @@ def anneal(m: int, core: NDArray[np.uint8] | None, rng: np.random.Generator) -> 
     return None
 
 
-def search(m: int, core: NDArray[np.uint8] | None, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """Return a matrix of order m that reaches its target."""
-    found = None
-    while found is None:
-        found = anneal(m, core, rng)
-    return found
-
-
-def main(folder: Path = SEQUENCES) -> None:
-    """Write optimized_nets.txt into a folder."""
+def plane_nets() -> Iterator[str]:
+    """Yield the matrices of optimized_net, order after order."""
     rng, matrices = np.random.default_rng(0), {}
     lines = ["# m, squared minimum distance on the integer grid, rows of the matrix from the first digit on"]
     for m in TARGETS:
-        matrix = matrices[m] = search(m, matrices.get(CORE.get(m)), rng)
+        matrix = None
+        while matrix is None:
+            matrix = anneal(m, matrices.get(CORE.get(m)), rng)
+        matrices[m] = matrix
         points = np.stack([np.arange(2**m), second_coordinates(matrix)], axis=1)
-        distance = squared_min_distance(points, 2**m)
-        lines.append(f"{m} {distance} " + " ".join("".join(map(str, row)) for row in matrix))
-        print(lines[-1])
-    (folder / "optimized_nets.txt").write_text("\n".join(lines) + "\n")
+        lines.append(f"{m} {squared_min_distance(points, 2**m)} {_digits(matrix[None])}")
+        yield "\n".join(lines) + "\n"
 
 
-if __name__ == "__main__":
-    main()
+# fmt: off
+NETS = {
+    2: 6, 3: 12, 4: 30, 5: 82, 6: 166, 7: 458, 8: 893, 9: 1984, 10: 4375, 11: 10277, 12: 24078, 13: 58446,
+    14: 136368, 15: 304387, 16: 689191,
+}
+"""Squared distances for the nets, each searched for itself."""
+
+SEQUENCE = {
+    2: 6, 3: 9, 4: 17, 5: 37, 6: 73, 7: 150, 8: 365, 9: 850, 10: 2080, 11: 4900, 12: 12000, 13: 30000,
+    14: 72000, 15: 176000, 16: 430000,
+}
+"""Squared distances for the nets of one sequence."""
+# fmt: on
+
+SEEDS = {4: 3, 6: 3}
+"""The seeds of the nets that are slow to find with seed 0."""
+
+
+LATTICES = """\
+# Rank-1 lattices of n points, generating vector (1, a, b), of the largest toroidal minimum distance:
+# all a and b were compared.
+# Made by python -m analysis.tables rank1_lattices.txt
+# n a b squared minimum distance times n**2
+"""
+
+
+def space_nets() -> Iterator[str]:
+    """Yield the matrices of optimized_net_3d, order after order."""
+    lines = [
+        "# m, squared minimum distance on the integer grid, rows of C_1, rows of C_2, first digits first"
+    ]
+    for m, target in NETS.items():
+        found = reached({m: target}, SEEDS.get(m, 0))
+        lines.append(f"{m} {found.squared[m]} {_digits(found.matrices)}")
+        yield "\n".join(lines) + "\n"
+
+
+def sequence() -> Iterator[str]:
+    """Yield the matrices of optimized_sequence."""
+    found = reached(SEQUENCE, 0)
+    squared = " ".join(map(str, found.squared.values()))
+    yield (
+        f"# squared minimum distances of the nets of m = 2, ..., 16: {squared}\n"
+        "# order, rows of C_1, rows of C_2, first digits first\n"
+        f"16 {_digits(found.matrices)}\n"
+    )
+
+
+def reached(targets: dict[int, int], seed: int) -> MatrixSearch:
+    """Return matrices that reach the targets."""
+    found = search_matrices(targets, seed=seed)
+    if not found.reached:
+        raise RuntimeError(f"{targets} not reached with seed {seed} in {found.steps} steps")
+    return found
+
+
+def _digits(matrices: NDArray[np.uint8]) -> str:
+    """Return the rows of matrices as strings of digits."""
+    return " ".join("".join(map(str, row)) for matrix in matrices for row in matrix)
+
+
+def lattices() -> Iterator[str]:
+    """Yield the best rank-1 lattices in space of 2**1 to 2**16 points."""
+    rows = [(2**m, *best_spatial(2**m)) for m in range(1, 17)]
+    yield LATTICES + "".join(" ".join(map(str, row)) + "\n" for row in rows)

@@ -1,7 +1,5 @@
 """Construct the matrices of niederreiter_xing, from function fields over F_2 with many rational places.
 
-``python -m analysis.tables.make_niederreiter_xing`` writes ``niederreiter_xing.txt`` (half a minute).
-
 The construction is that of C. Xing and H. Niederreiter, "A construction of low-discrepancy sequences using
 global function fields", Acta Arith. 73, 1995. Let K be a function field of genus g with rational places P and
 P_1, ..., P_s, let z be a local parameter at P, and D a positive divisor of degree 2 g without P. By Riemann
@@ -20,15 +18,12 @@ D + d_1 P_1 + ... + d_s P_s - (m + g + 1) P, is equivalent to a positive one. So
 """
 
 from collections.abc import Iterable, Iterator
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis import projection_t_values
-from analysis.tables import SEQUENCES
-from analysis.tables.function_fields import Field, fields
-from analysis.tables.laurent_series import ONE, Series, power
+from analysis.tables.function_fields import ONE, Field, Series, fields, power
 
 DIGITS = 32
 LOWEST = 120
@@ -139,15 +134,10 @@ def best(field: Field, tries: int) -> NDArray[np.uint32]:
     return min(found, key=cost)
 
 
-def main(folder: Path = SEQUENCES) -> None:
-    """Write niederreiter_xing.txt into a folder."""
+def table() -> Iterator[str]:
+    """Yield the text: first rows in the highest bits."""
     lines = ["# Dimensions, and the columns of a matrix: first rows in the highest bits."]
     for field in fields():
         found = best(field, TRIES)
         lines += [" ".join([str(len(found)), *(f"{word:08x}" for word in matrix)]) for matrix in found]
-        print(f"{len(found)} dimensions, t = {field.genus}, cost {cost(found):.3f}", flush=True)
-    (folder / "niederreiter_xing.txt").write_text("\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+        yield "\n".join(lines) + "\n"

@@ -1,7 +1,6 @@
 """Measure the errors of all available samplers: the tables behind ``qmcjax.recommend``.
 
-Run once (some minutes on one core): ``python -m analysis.tables.make_recommendations``. If run again, it
-keeps the existing rows of samplers: delete those of a sampler to measure it again.
+Rows of samplers that are there are kept: delete those of a sampler to measure it again.
 
 A sampler's points have the most dimensions of a level; scenes of fewer take the first coordinates. All scenes
 of a level are evaluated at the same points, with several keys, in images of two sizes: a square with a power
@@ -14,10 +13,10 @@ frames repeat, and all frames count. Images that are shown while they are render
 """
 
 import csv
+import io
 from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -187,33 +186,20 @@ def rows(name: str, setting: Setting, base: Logarithms) -> Iterator[list[str]]:
             yield [scene, kind, str(level), "{} x {}".format(*size), name, *map(str, numbers.ravel())]
 
 
-def measure(setting: Setting, folder: Path) -> None:
-    """Write the table of a setting into a folder, or continue it."""
-    path, names = folder / setting.file, list(setting.candidates)
+def table(of: str) -> Iterator[str]:
+    """Yield the table of a setting with the rows that were missing, sampler after sampler."""
+    setting = SETTINGS[of]
+    names, path = list(setting.candidates), CHOOSING / setting.file
     numbers = [f"{measure} at {spp} spp" for measure in MEASURES for spp in setting.spps]
-    table = [["scene", "kind", "level", "size", "sampler", *numbers]]
+    known: list[list[str]] = []
     if path.exists():
         with path.open(encoding="utf-8", newline="") as stream:
-            table = [row for row in csv.reader(stream) if not row[0].startswith("#")]
-    done = {row[4] for row in table}
-    missing = [name for name in names if name not in done]
-    if not missing:
-        return
+            known = [row for row in csv.reader(stream) if not row[0].startswith("#")][1:]
     base = logarithms(setting.candidates[BASE], setting)
-    for name in missing:
-        table += rows(name, setting, base)
-        table[1:] = sorted(table[1:], key=lambda row: names.index(row[4]))
-        with path.open("w", encoding="utf-8", newline="") as stream:
-            stream.write(f"# 1000 ln(error / error of {BASE}); {setting.keys} keys\n")
-            csv.writer(stream, lineterminator="\n").writerows(table)
-        print(setting.file, name, flush=True)
-
-
-def main(folder: Path = CHOOSING) -> None:
-    """Measure what the tables lack."""
-    for setting in SETTINGS.values():
-        measure(setting, folder)
-
-
-if __name__ == "__main__":
-    main()
+    for name in [name for name in names if name not in {row[4] for row in known}]:
+        known = sorted([*known, *rows(name, setting, base)], key=lambda row: names.index(row[4]))
+        text = io.StringIO(newline="")
+        text.write(f"# 1000 ln(error / error of {BASE}); {setting.keys} keys\n")
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerows([["scene", "kind", "level", "size", "sampler", *numbers], *known])
+        yield text.getvalue()

@@ -1,8 +1,6 @@
 """Search for orders of all coordinates together: a linear map over F2 from the bits of a pixel to an index.
 
-Run with ``python -m analysis.tables.make_joint_orders`` (minutes on one core; needs Numba).
-
-As in ``make_optimized_orders``, the objective is the mean square of an image's error after a Gaussian
+As in ``optimized_orders``, the objective is the mean square of an image's error after a Gaussian
 filter, in closed form over all nested uniform scramblings, so the covariance of two blocks is a function of
 the xor of their numbers. The number of a pixel's block is a linear function of the bits of its coordinates.
 Then the xor of the numbers of two pixels is a linear function of the xor of their coordinates, so that all
@@ -18,32 +16,25 @@ smooth random integrands, exp(-4 |a - b|**2), with equal weights, relative to th
 curve. Kernels are sums of products over the coordinates: the distance is a mixture of Gaussians.
 
 What bounds it, for one sample in four coordinates on a tile of 64 x 64 pixels, as filtered errors relative
-to Hilbert's: 0.833 for these maps, 0.812 for linear maps whose squares have no blocks. Exchanging any two
-pixels, annealed with 1500 trials per pixel from both, ends at 0.831 and 0.812, and from a random permutation
-with 3000 at 0.932; permutations of quadrants, searched as in ``make_optimized_orders``, at 0.896. Without
-blocks, errors after a Gaussian of 6 pixels are larger, by 41 % for half spaces and 86 % for the kernel
-exp(-1.5 |a - b|**2).
-
-For 4 and 16 samples in four coordinates these maps have 0.840 and 0.827, linear maps without blocks 0.820 and
-0.803; for one sample in eight 0.928 and 0.912. Exchanging pixels, with 400 trials per pixel, improves none.
-A permutation made for one key of the scrambling, for one sample in four coordinates, has 0.777 for that key,
-where these maps have 0.823, but 0.93 and 0.96 after two random digital shifts of its points.
+to Hilbert's: 0.833 for these maps, 0.812 for linear maps whose squares have no blocks, whose errors after a
+Gaussian of 6 pixels are larger, by 41 % for half spaces. Exchanging any two pixels, annealed from both, ends
+at 0.831 and 0.812; permutations of quadrants, searched as in ``optimized_orders``, at 0.896. A permutation
+made for one key of the scrambling has 0.777 for that key, where these maps have 0.823, but 0.93 and 0.96
+after two random digital shifts of its points.
 
 References
 ----------
 .. [1] I. J. Schoenberg, "Metric spaces and completely monotone functions", 1938: the mixture.
 """
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numba  # pyright: ignore[reportMissingImports]
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.tables import SAMPLERS
-from analysis.tables.make_optimized_orders import FILTER, LEAST, REACH, differences
+from analysis.tables.optimized_orders import FILTER, LEAST, REACH, differences
 from qmcjax import orders, sequences
 
 LOG_SIDE = 8
@@ -175,20 +166,29 @@ def _energy(table, shift, words, codes, weights):
 
 
 @numba.njit(cache=True)
+def changed(words):
+    """Add one word to another of the same or a finer level, or exchange two of a level; else return none."""
+    one, other = np.random.randint(words.size), np.random.randint(words.size)
+    if one == other or other // 2 > one // 2:
+        return words[:0]
+    tried = words.copy()
+    tried[one] ^= words[other]
+    if one // 2 == other // 2 and np.random.random() < 0.3:
+        tried[one], tried[other] = words[other], words[one]
+    return tried
+
+
+@numba.njit(cache=True)
 def _anneal(table, codes, weights, words, trials, hot, cold, seed):
-    """Add words of the same or finer levels to others, or exchange two of a level."""
+    """Return the least energy and its words."""
     np.random.seed(seed)
     energy = _energy(table, 0, words, codes, weights)
     least, best = energy, words.copy()
     for trial in range(trials):
         temperature = hot * (cold / hot) ** (trial / trials)
-        one, other = np.random.randint(words.size), np.random.randint(words.size)
-        if one == other or other // 2 > one // 2:
+        tried = changed(words)
+        if not tried.size:
             continue
-        tried = words.copy()
-        tried[one] ^= words[other]
-        if one // 2 == other // 2 and np.random.random() < 0.3:
-            tried[one], tried[other] = words[other], words[one]
         found = _energy(table, 0, tried, codes, weights)
         if found <= energy or np.random.random() < np.exp((energy - found) / temperature):
             words, energy = tried, found
@@ -245,48 +245,36 @@ def relative(columns: NDArray[np.uint32], log_count: int) -> list[NDArray[np.flo
     return tables
 
 
-def ranked(
-    words: NDArray[np.int64],
-    of_first: list[NDArray[np.float64]],
-    xors: Xors,
-    log_count: int,
-    report: Callable[[str], None],
+def rank_samples(
+    words: NDArray[np.int64], of_first: list[NDArray[np.float64]], xors: Xors, log_count: int
 ) -> NDArray[np.int64]:
     """Search the last digits of the words, which choose the first samples of the pixels."""
     if log_count:
         words = _anneal_ranks(tuple(of_first), *xors, words, RANK_TRIALS, HOT, COLD, log_count)
-        for k, table in enumerate(of_first):
-            found_first = np.sqrt(_energy(table, k, words, *xors))
-            report(f"  the first {2**k}: {found_first:.4f} of Hilbert's with as many in all")
     return words
 
 
-def search(dims: int, log_count: int, report: Callable[[str], None] = print) -> NDArray[np.int64]:
+def search(dims: int, log_count: int) -> NDArray[np.int64]:
     """Return the word of each bit of a Morton code: an index whose lowest digits are those of a sample."""
     xors = filter_xors()
     *of_first, of_pixels = relative(np.asarray(SEQUENCES[dims](dims).matrices), log_count)
     start = 2 ** np.arange(2 * LOG_SIDE)
     found = [_anneal(of_pixels, *xors, start, TRIALS, HOT, COLD, seed) for seed in range(STARTS)]
-    least, words = min(found, key=lambda one: one[0])
-    report(f"{dims} coordinates, {2**log_count} samples: filtered {np.sqrt(least):.4f} of Hilbert's")
-    return ranked(words << log_count, of_first, xors, log_count, report)
+    _, words = min(found, key=lambda one: one[0])
+    return rank_samples(words << log_count, of_first, xors, log_count)
 
 
 HEAD = """\
 # Dimensions, binary logarithm of the number of samples, and the indices of bits 0 of x, 0 of y, 1 of x, ...
-# Made by python -m analysis.tables.make_joint_orders
+# Made by python -m analysis.tables optimized_joint.txt
 """
 
 
-def main(folder: Path = SAMPLERS) -> None:
-    """Write optimized_joint.txt."""
-    lines = []
+def table() -> Iterator[str]:
+    """Yield the words, one number of dimensions and of samples after the other."""
+    text = HEAD
     for dims in SEQUENCES:
         for log_count in range(LOG_COUNTS):
-            words = search(dims, log_count, lambda text: print(text, flush=True))
-            lines.append(" ".join([str(dims), str(log_count), *(f"{word:x}" for word in words)]))
-    (folder / "optimized_joint.txt").write_text(HEAD + "\n".join(lines) + "\n")
-
-
-if __name__ == "__main__":
-    main()
+            words = search(dims, log_count)
+            text += " ".join([str(dims), str(log_count), *(f"{word:x}" for word in words)]) + "\n"
+            yield text

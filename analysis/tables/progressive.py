@@ -1,8 +1,5 @@
 """Make the tables of the progressive sampler: matrices of pixels and samples, and orders of the pixels.
 
-``python -m analysis.tables.make_progressive`` writes progressive.npz (minutes on one core; needs
-Numba).
-
 A point belongs to a function over F_2: its coordinates are the coefficients of the function's expansions at
 as many rational places. Another rational place, P, and a place Q of degree 2 or 4 are for samples and pixels.
 Sample s adds the functions with poles at P, of increasing order, that the digits of s select; a pixel adds
@@ -21,7 +18,7 @@ functions are all those of a divisor of degree k + 4 i: t = 1 by the theorem of 
 the four functions of a level go to squares of 2 x 2 pixels is free: a short search tries all 35 planes.
 
 The quadrants of each square may be permuted: all 24 permutations are affine over F_2, so the nets remain.
-As in make_optimized_orders, the mean square of the filtered error over half-spaces and nested scramblings is
+As in optimized_orders, the mean square of the filtered error over half-spaces and nested scramblings is
 a sum over pairs of pixels of a table of the xor of their positions. Each number of samples has its own table,
 relative to the variance of a pixel, but all have the same positions. So the mean over 1, 2, ..., 4096 samples
 is the same search, with the mean of all tables.
@@ -30,36 +27,20 @@ What is left to choose beside the order, in two dimensions: the nets of a pixel 
 spanned by 1, t, ..., t**k. The functions t**i (1 + t)**(k - i) in V are a basis of it, and two points that
 differ by one of them share an interval of volume 2**-k. Those are in different halves if both halves are
 nets. So there is but one way to split a net, and a pixel can choose only which half is first: a word for each
-pixel to xor the numbers of its samples with. Bit k of it changes the first 2**j samples with j <= k. Searches
-by annealing, filtered errors for half-spaces and, in brackets, for the kernel exp(-4 |a - b|**2) of smooth
-integrands, in closed form; our order has 0.523 (0.414) at 1 sample, 0.579 (0.356) at 4, 0.584 (0.350) at 16
-and 0.602 (0.388) at 64, orders for one of these numbers alone 0.476 (0.345), 0.531 (0.272), 0.537 (0.265) and
-0.539 (0.285):
-
-- A bit of each pixel, changed from our order for one of 1, 2, 4, ..., 32 samples alone, without regard to
-  others: the geometric mean of both errors falls by 0.8 % at 1 sample, by 0.1 to 0.4 % at the others. With
-  all of six bits that matter, also changed in whole quadrants: by 5 % at 1 sample alone, by 2 % at 16 alone.
-- The order for 4096 samples, then a bit a time, from 2048 samples down, each the best for its number: 0.543
-  (0.434), 0.613 (0.396), 0.624 (0.396) and 0.632 (0.423), worse than our order at all of them.
-- Orders and six bits together, for 1, 4, 16 and 64 samples: from an order for these four, errors fall by
-  0.3 % in cold searches; in hotter ones, and from drawn orders, all ended worse.
-- That order itself, which neglects 2, 8, 32 and more than 64 samples: 0.516 (0.403), 0.571 (0.323), 0.582
-  (0.300) and 0.591 (0.305). Serving all of 13 numbers is what costs.
-- Both kernels in the objective for all numbers, the smooth one with four times as much weight: 0.520 (0.408),
-  0.585 (0.359), 0.596 (0.346) and 0.616 (0.370). The geometric mean changes by -1 to 2 % up to 128 samples,
-  by -4 % at 256: little.
+pixel to xor the numbers of its samples with. Searches of such words gained at most 0.8 % for one number of
+samples without regard to others, or made all others worse; both kernels in the objective changed errors by
+-1 to 2 % up to 128 samples. Serving all of 13 numbers is what costs: our order has 0.523, 0.579, 0.584 and
+0.602 at 1, 4, 16 and 64 samples, orders for one of these numbers alone 0.476, 0.531, 0.537 and 0.539.
 """
 
 from collections.abc import Iterator
 from itertools import combinations
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.tables import SAMPLERS
-from analysis.tables.make_optimized_orders import (
+from analysis.tables.optimized_orders import (
     AROUND,
     COLD,
     HOT,
@@ -163,7 +144,7 @@ def mean_distances(dims: int) -> NDArray[np.float64]:
     """Return the mean distance of two scrambled points, by the numbers of digits that coordinates share.
 
     A distance d is the integral of (1 - exp(-v d**2)) v**(-3/2) dv / (2 sqrt(pi)); the mean of the
-    exponential is a product over coordinates, whose differences make_optimized_orders describes.
+    exponential is a product over coordinates, whose differences optimized_orders describes.
     """
     apart, density = differences(DIGITS[dims])
     logarithm = np.linspace(-14, 30, 440)
@@ -239,17 +220,12 @@ def best_plane() -> tuple[int, ...]:
     return min(planes(), key=mean)
 
 
-def main(folder: Path = SAMPLERS, trials: int = TRIALS) -> None:
-    """Write progressive.npz."""
-    tables = {}
+def table(trials: int = TRIALS) -> Iterator[dict[str, NDArray]]:
+    """Yield positions and matrices of two and four dimensions."""
+    tables: dict[str, NDArray] = {}
     for dims, basis in ((2, (1, 2)), (4, best_plane())):
         made = matrices(dims, basis)
         found = search(made, LOG_SIDE, tuple(range(LOG_COUNTS)), trials)
-        print(f"{dims} dimensions, basis {basis}, errors {np.round(found.errors, 3)}", flush=True)
         tables[f"positions_{dims}"] = found.positions.astype(np.uint16)
         tables[f"samples_{dims}"], tables[f"pixels_{dims}"] = made
-    np.savez_compressed(folder / "progressive.npz", allow_pickle=False, **tables)
-
-
-if __name__ == "__main__":
-    main()
+    yield tables

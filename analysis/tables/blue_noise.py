@@ -1,7 +1,5 @@
 """Make the blue-noise masks and the tables of the ranked sampler.
 
-Run once (minutes on one core): ``python -m analysis.tables.make_blue_noise``.
-
 Both the mask of vectors and the tables are a pool of 64**2 candidates, one for each pixel of a tile, arranged
 so that an energy of pairs of close pixels becomes small. The usual method is annealing by swaps of two
 pixels. Here 64 pixels are reassigned at a time: for pixels that are farther apart than the energy reaches, it
@@ -9,15 +7,13 @@ is a sum of costs of single pixels, and the best of all 64! permutations is the 
 assignment problem.
 """
 
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from analysis.tables import SAMPLERS
 from qmcjax import sequences
 from qmcjax.core.bits import owen_hash, reverse
 
@@ -153,7 +149,7 @@ def vector_mask(dims: int, rng: np.random.Generator) -> NDArray[np.uint16]:
     return ranks[arranged(cost, rng)].astype(np.uint16)
 
 
-def ranked(
+def arrange_keys(
     dims: int, seeds: NDArray[np.uint32], rng: np.random.Generator
 ) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
     """Return scrambling and ranking keys of a tile.
@@ -203,16 +199,18 @@ def error_components(samples: NDArray[np.float64], rng: np.random.Generator) -> 
     return np.concatenate(vectors, axis=1).astype(np.float32)
 
 
-def main(folder: Path = SAMPLERS) -> None:
-    """Write masks.npz and ranked.npz into a folder."""
-    scalars, vectors = void_and_cluster(np.random.default_rng(1)), vector_mask(2, np.random.default_rng(1))
-    np.savez_compressed(folder / "masks.npz", scalars=scalars, vectors=vectors)
+def masks() -> Iterator[dict[str, NDArray]]:
+    """Yield a mask of numbers and one of vectors."""
+    yield {
+        "scalars": void_and_cluster(np.random.default_rng(1)),
+        "vectors": vector_mask(2, np.random.default_rng(1)),
+    }
+
+
+def ranked() -> Iterator[dict[str, NDArray]]:
+    """Yield the keys of the ranked sampler in two, three and four dimensions."""
     tables: dict[str, NDArray] = {"seeds": SEEDS}
     for dims in (2, 3, 4):
-        keys, ranks = ranked(dims, SEEDS, np.random.default_rng(dims))
+        keys, ranks = arrange_keys(dims, SEEDS, np.random.default_rng(dims))
         tables |= {f"keys_{dims}": keys, f"ranks_{dims}": ranks}
-    np.savez_compressed(folder / "ranked.npz", allow_pickle=False, **tables)
-
-
-if __name__ == "__main__":
-    main()
+        yield tables

@@ -1,0 +1,85 @@
+"""Make data of the library again: ``python -m analysis.tables NAME ...``.
+
+Without a name, all are listed. Each program yields its table, once or each time that it is better or more
+complete; what is stored takes its place at once. Programs that compare sums in floating point may end in
+other tables on another processor.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from pkgutil import resolve_name
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.tables import CHOOSING, ORDERS, SAMPLERS, SEQUENCES, TRACED
+from qmcjax.scenes import traced
+
+Content = str | bytes | dict[str, NDArray]
+"""Of a text file, of any file, or of an archive of arrays."""
+
+TABLES: dict[str, tuple[Any, ...]] = {
+    "joe_kuo.npz": ("sobol_components:joe_kuo", SEQUENCES),  # Half a minute.
+    "rank1_lattices.txt": ("large_distances:lattices", SEQUENCES),  # Minutes, 5 GB of memory.
+    "optimized_nets.txt": ("large_distances:plane_nets", SEQUENCES),  # Half a minute.
+    "optimized_nets_3d.txt": ("large_distances:space_nets", SEQUENCES),  # Minutes.
+    "optimized_sequence.txt": ("large_distances:sequence", SEQUENCES),  # Minutes.
+    "quadruples.txt": ("quadruples:table", SEQUENCES),  # Minutes.
+    "niederreiter_xing.txt": ("niederreiter_xing:table", SEQUENCES),  # Half a minute.
+    "one_two.txt": ("one_two:table", SEQUENCES),  # Minutes.
+    "discrepancy_records.npz": ("discrepancy_records:table", SEQUENCES, "star"),  # A minute for each size.
+    "l2_discrepancy_records.npz": ("discrepancy_records:table", SEQUENCES, "periodic", "average"),
+    "optimized.npz": ("optimized_orders:orders", ORDERS),  # Minutes.
+    "optimized_ranks.npz": ("optimized_orders:ranks", SAMPLERS),  # Minutes.
+    "optimized_joint.txt": ("joint_orders:table", SAMPLERS),  # A minute.
+    "optimized_moving.txt": ("moving_orders:table", SAMPLERS),  # Minutes.
+    "progressive.npz": ("progressive:table", SAMPLERS),  # Minutes.
+    "masks.npz": ("blue_noise:masks", SAMPLERS),  # Minutes.
+    "ranked.npz": ("blue_noise:ranked", SAMPLERS),  # Minutes.
+    "designed.npz": ("designed_tiles:table", SAMPLERS),  # Half an hour on two cores.
+    "recommendations.csv": (
+        "recommendations:table",
+        CHOOSING,
+        "images",
+    ),  # Minutes, all rows.
+    "recommendations_frames.csv": ("recommendations:table", CHOOSING, "frames"),
+    "recommendations_prefixes.csv": ("recommendations:table", CHOOSING, "prefixes"),
+    **{f"{scene}.npz": ("traced_references:table", TRACED, scene) for scene in traced.NAMES},  # Many minutes.
+}
+"""Name of the file: the program, which is in this package, the folder, and arguments of the program."""
+
+
+def write(path: Path, content: Content) -> None:
+    """Write a file in the place of an old one, which stays until the new one is complete."""
+    part = path.with_name(f"{path.stem}.part{path.suffix}")
+    if isinstance(content, dict):
+        np.savez_compressed(part, **content)
+    else:
+        part.write_bytes(content.encode() if isinstance(content, str) else content)
+    part.replace(path)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Make the files that are named on the command line."""
+    parser = argparse.ArgumentParser(prog="python -m analysis.tables", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="file to make")
+    parser.add_argument("--folder", type=Path, help="where files go (default: the package that reads them)")
+    given = parser.parse_args(arguments)
+    if unknown := set(given.names) - set(TABLES):
+        parser.error(f"NAME must be one of {', '.join(TABLES)}, got {', '.join(sorted(unknown))}")
+    for name in given.names or TABLES:
+        program, folder, *of = TABLES[name]
+        path = (given.folder or folder) / name
+        if not given.names:
+            print(path, program, *of)
+            continue
+        began = time.monotonic()
+        for content in resolve_name(f"analysis.tables.{program}")(*of):
+            write(path, content)
+            print(f"{path}: {path.stat().st_size} bytes after {time.monotonic() - began:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main()

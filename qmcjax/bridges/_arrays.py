@@ -1,14 +1,26 @@
-"""Arrays in NumPy's file formats; errors name the byte."""
+"""Suffixes of files, and arrays in NumPy's formats; errors name the byte."""
 
 import ast
 import io
 import zipfile
+from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from qmcjax.core import checks
+
 _MAGIC = b"\x93NUMPY"
 _KEYS = {"descr", "fortran_order", "shape"}
+
+
+def suffix_of(path: Path, known: Iterable[str]) -> str:
+    """Return the suffix of a path in lower case, or raise a ValueError if it is unknown."""
+    suffix = path.suffix.lower()
+    if suffix not in known:
+        raise ValueError(f"path must end in one of {', '.join(known)}, got {checks.shown(str(path))}")
+    return suffix
 
 
 def parsed_npy(data: bytes) -> NDArray:

@@ -1,21 +1,34 @@
-"""Files of images, in and out."""
+"""Images in files: EXR by the package OpenEXR, PNG by pypng, NumPy's arrays."""
 
+import io
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import parsed_npy
-from qmcjax.bridges._exr import encoded_exr, read_exr
-from qmcjax.bridges._png import Png, decoded, encoded
-from qmcjax.bridges._suffixes import suffix_of
+from qmcjax.bridges._arrays import parsed_npy, suffix_of
 from qmcjax.core import checks
 
 _KNOWN = (".exr", ".npy", ".png")
-_TRANSFERS = ("srgb", "linear")
 _SHAPES = "(height, width) or (height, width, 3)"
+
+_EXR_CHANNELS = ("RGBA", "RGB", "Y")
+_CHECKSUM = "qmcjaxCrc32"
+"""Attribute of our EXR files: ZIP leaves chunks that do not become smaller without a checksum."""
+
+_TRANSFERS = {
+    "srgb": [(b"sRGB", b"\0"), (b"gAMA", struct.pack(">I", 45455))],
+    "linear": [(b"gAMA", struct.pack(">I", 100000))],
+    None: [],
+}
+"""Chunks of PNG that declare the transfer from light to values."""
 
 
 def write_image(
@@ -26,7 +39,8 @@ def write_image(
     Parameters
     ----------
     path : path
-        Ends in ``.exr`` or ``.npy``, for all values in float32; or in ``.png``, for values in [0, 1].
+        Ends in ``.npy`` or ``.exr`` (``pip install 'qmcjax[exr]'``), for all values in float32; or in
+        ``.png``, for values in [0, 1].
     image : float ArrayLike, shape (height, width) or (height, width, 3), finite linear light
     transfer : {"srgb", "linear"}
         Required for PNG files, which store it: sRGB values, which programs show as they are, or linear light.
@@ -53,13 +67,13 @@ def write_image(
         raise ValueError(f"image must be finite, got {known[row, column]} in row {row}, column {column}")
     pixels = known.reshape(*known.shape[:2], -1)
     if suffix == ".png":
-        transfer = checks.choice("transfer", transfer, _TRANSFERS)
+        transfer = checks.choice("transfer", transfer, ("srgb", "linear"))
         if checks.integer("bits", bits, 8, 16) not in (8, 16):
             raise ValueError(f"bits must be 8 or 16, got {bits}")
         values = np.clip(pixels, 0, 1)
         values = _srgb_of(values) if transfer == "srgb" else values
         whole = np.rint(values * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
-        path.write_bytes(encoded(whole, {"Software": "qmcjax"}, transfer))
+        path.write_bytes(encode_png(whole, {"Software": "qmcjax"}, transfer))
         return
     if transfer is not None:
         raise ValueError(f"transfer must be None except for PNG files, got {checks.shown(transfer)}")
@@ -70,7 +84,7 @@ def write_image(
     if suffix == ".npy":
         np.save(path, exact)
     else:
-        path.write_bytes(encoded_exr(exact.reshape(pixels.shape), "linear light, by qmcjax"))
+        write_exr(path, exact.reshape(pixels.shape), "linear light, by qmcjax")
 
 
 def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDArray[np.float32]:
@@ -95,16 +109,15 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
         If the file holds something else, is damaged or is not finite: names the file and, if known, the
         place. If neither a PNG file nor ``transfer`` states the transfer.
     ImportError
-        For EXR files with tiles, or with a compression other than ZIP, without the package ``OpenEXR``, which
-        ``pip install 'qmcjax[exr]'`` installs. The package does not detect all damage.
+        For EXR files without the package ``OpenEXR``, which ``pip install 'qmcjax[exr]'`` installs.
     """
     path = checks.path(path)
     suffix = suffix_of(path, _KNOWN)
-    transfer = None if transfer is None else checks.choice("transfer", transfer, _TRANSFERS)
+    transfer = None if transfer is None else checks.choice("transfer", transfer, ("srgb", "linear"))
     if transfer is not None and suffix != ".png":
         raise ValueError(f"transfer must be None except for PNG files, got {transfer!r}")
     try:
-        pixels = _light(path, suffix, transfer)
+        pixels = _read_light(path, suffix, transfer)
         if not np.isfinite(pixels).all():
             row, column, *_ = map(int, np.argwhere(~np.isfinite(pixels))[0])
             raise ValueError(f"row {row}, column {column}, must be finite, got {pixels[row, column]}")
@@ -113,12 +126,12 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     return pixels[..., 0] if pixels.shape[2:] == (1,) else pixels
 
 
-def _light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.float32]:
+def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.float32]:
     if suffix == ".exr":
         return read_exr(path)
     data = path.read_bytes()
     if suffix == ".png":
-        return _decoded(decoded(data), transfer)
+        return _light_of_png(_decode_png(data), transfer)
     array = parsed_npy(data)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
@@ -128,7 +141,117 @@ def _light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.float32]
     return array.astype(np.float32)
 
 
-def _decoded(png: Png, transfer: str | None) -> NDArray[np.float32]:
+def write_exr(path: Path, pixels: NDArray[np.float32], comment: str) -> None:
+    """Write pixels of shape (height, width, channels), 1, 3 or 4 of them."""
+    package = _open_exr(path)
+    names = next(names for names in _EXR_CHANNELS if len(names) == pixels.shape[2])
+    channels = {name: np.ascontiguousarray(pixels[..., k]) for k, name in enumerate(names)}
+    header = {
+        "compression": package.ZIP_COMPRESSION,
+        "type": package.scanlineimage,
+        "comments": comment,
+        _CHECKSUM: _checksum(channels),
+    }
+    path.touch()  # Raises an OSError if it cannot be written, where the package raises RuntimeErrors.
+    with package.File(header, channels) as file:
+        file.write(str(path))
+
+
+def read_exr(path: Path) -> NDArray[np.float32]:
+    """Return pixels of shape (height, width, channels): of the first image, if there are several."""
+    with path.open("rb") as file:
+        magic = file.read(4)
+    if magic != struct.pack("<I", 20000630):
+        raise ValueError(f"byte 0, must be an EXR file, got {magic!r}")
+    package = _open_exr(path)
+    try:
+        with package.File(str(path), separate_channels=True) as file:
+            channels = {name: channel.pixels for name, channel in file.channels().items()}
+            announced = file.header().get(_CHECKSUM)  # The package empties headers of closed files.
+    except Exception as error:  # RuntimeError, UnicodeDecodeError, ...
+        raise ValueError(f"byte 4, must be a whole EXR file: {error}") from None
+    if any(pixels.dtype.kind != "f" for pixels in channels.values()):
+        raise ValueError(f"must have channels of floats, got {sorted(channels)}")
+    names = next((names for names in _EXR_CHANNELS if set(names) <= channels.keys()), None)
+    if names is None:
+        raise ValueError(f"must have the channels RGB, RGBA or Y, got {sorted(channels)}")
+    if announced not in (None, _checksum(channels)):
+        raise ValueError(f"byte 4, must be pixels with their checksum, got {_checksum(channels)}")
+    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+
+
+def _open_exr(path: Path) -> Any:
+    try:
+        import OpenEXR  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ImportError(
+            "path must end in .npy or .png without the package OpenEXR (pip install 'qmcjax[exr]'), got "
+            f"{path}"
+        ) from None
+    return OpenEXR
+
+
+def _checksum(channels: Mapping[str, NDArray[np.float32]]) -> int:
+    """Return the CRC-32 of all lines, channel by channel, as an int32."""
+    lines = np.stack([channels[name] for name in sorted(channels)], axis=1)
+    return int(np.uint32(zlib.crc32(lines.astype("<f4").tobytes())).view(np.int32))
+
+
+@dataclass(frozen=True)
+class _Png:
+    """A decoded file."""
+
+    pixels: NDArray
+    """uint8 or uint16 (height, width, channels)."""
+    gamma: float | None
+    """Exponent of the transfer from light to values, if the file has one."""
+    srgb: bool
+
+
+def encode_png(pixels: NDArray, texts: Mapping[str, str], transfer: str | None = None) -> bytes:
+    """Return a PNG file of uint8 or uint16 pixels, shape (height, width, channels), and of Latin-1 texts."""
+    import png  # pyright: ignore[reportMissingImports]
+
+    height, width, channels = pixels.shape
+    plain, file = io.BytesIO(), io.BytesIO()
+    how = {"greyscale": channels < 3, "alpha": channels in (2, 4), "bitdepth": 8 * pixels.itemsize}
+    rows = pixels.astype(pixels.dtype.newbyteorder(">"))
+    png.Writer(width, height, compression=9, **how).write_packed(plain, [row.tobytes() for row in rows])
+    head, *rest = png.Reader(bytes=plain.getvalue()).chunks()
+    words = [(b"tEXt", f"{keyword}\0{text}".encode("latin1")) for keyword, text in texts.items()]
+    png.write_chunks(file, [head, *_TRANSFERS[transfer], *words, *rest])
+    return file.getvalue()
+
+
+def _decode_png(data: bytes) -> _Png:
+    """Return the contents of a PNG file, or raise a ValueError that begins with the place."""
+    import png  # pyright: ignore[reportMissingImports]
+
+    names, place = [], 0
+    try:
+        for name, body in png.Reader(bytes=data).chunks():
+            place = place or 8
+            if not name[0] & 32 and name not in (b"IHDR", b"IDAT", b"IEND", b"PLTE"):
+                raise png.FormatError(f"chunk {name!r} is unknown")
+            names.append(name)
+            place += 12 + len(body)
+        place = 8
+        width, height, rows, info = png.Reader(bytes=data).read()
+        if "palette" in info or info["bitdepth"] not in (8, 16):
+            raise png.FormatError("it has others")
+        dtype = np.uint8 if info["bitdepth"] == 8 else np.uint16
+        values = [np.frombuffer(row, dtype) for row in rows]
+        if len(values) != height:
+            raise png.FormatError(f"it has {len(values)} of {height} rows")
+    except (png.Error, zlib.error, EOFError) as error:
+        raise ValueError(
+            f"byte {place}, must be an image of 8 or 16 bits without palette: {error.args[0]}"
+        ) from None
+    pixels = np.stack(values).reshape(height, width, info["planes"])
+    return _Png(pixels, info.get("gamma"), b"sRGB" in names)
+
+
+def _light_of_png(png: _Png, transfer: str | None) -> NDArray[np.float32]:
     says = "srgb" if png.srgb else "linear" if png.gamma == 1 else None
     if says is None and transfer is None:
         what = "nothing" if png.gamma is None else f"the exponent {png.gamma}"

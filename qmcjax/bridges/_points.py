@@ -7,8 +7,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import parsed_npy, parsed_npz
-from qmcjax.bridges._suffixes import suffix_of
+from qmcjax.bridges._arrays import parsed_npy, parsed_npz, suffix_of
 from qmcjax.bridges._text import point_sets, text_of
 from qmcjax.core import checks, tables
 

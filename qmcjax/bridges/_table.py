@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges._exr import encoded_exr
+from qmcjax.bridges._arrays import suffix_of
+from qmcjax.bridges._images import encode_png, write_exr
 from qmcjax.bridges._layout import Layout
-from qmcjax.bridges._png import encoded
 from qmcjax.bridges._sources import Coding, c_header, cpp, glsl
-from qmcjax.bridges._suffixes import suffix_of
 from qmcjax.core import checks
 
 _DEPTHS = {".png": (8, 16), ".rg16": (16,), ".rgba32f": (24,), ".exr": (24,)}
@@ -96,9 +95,9 @@ class BakedTable:
             Ends in ``.npz``, for the arrays ``values``, ``bits`` and ``readme``; ``.h``, for a header in C99
             and C++ with functions to read it, named like the file; ``.png``, for 8 or 16 bits, two
             coordinates as red and green (a single one as grey); ``.rg16``, the same as raw uint16; ``.exr``
-            or raw ``.rgba32f``, for 24 bits in float32, four coordinates as red, green, blue and alpha. Raw
-            files have no room for text: the description goes to a second file with ``.txt`` appended to the
-            name.
+            (``pip install 'qmcjax[exr]'``) or raw ``.rgba32f``, for 24 bits in float32, four coordinates as
+            red, green, blue and alpha. Raw files have no room for text: the description goes to a second
+            file with ``.txt`` appended to the name.
         """
         path = checks.path(path)
         suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))
@@ -120,12 +119,12 @@ class BakedTable:
         layout = self._layout(4 if self.bits == 24 else 2)
         texels, words = layout.texels(self.values), f"{self.readme}\n{_arrangement(layout)}"
         if suffix == ".exr":
-            path.write_bytes(encoded_exr(texels, words))
+            write_exr(path, texels, words)
         elif suffix == ".png":
             blank = np.zeros_like(texels[..., :1])
             single = layout.coordinates == 1
             pixels = texels[..., :1] if single else np.concatenate([texels, blank], axis=-1)
-            path.write_bytes(encoded(pixels, {"Software": "qmcjax", "Description": words}, "linear"))
+            path.write_bytes(encode_png(pixels, {"Software": "qmcjax", "Description": words}, "linear"))
         else:
             path.write_bytes(texels.astype(texels.dtype.newbyteorder("<")).tobytes())
             path.with_name(f"{path.name}.txt").write_text(f"{words}\n", "utf-8")

@@ -7,7 +7,6 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import Literal
 
 from qmcjax.bridges._source._builder import Builder, widened
 from qmcjax.bridges._source._errors import ADVICE, Untranslatable, source_line
@@ -108,10 +107,7 @@ class Reader:
         jaxpr, found = opened(closed), dict[Any, Entries]()
 
         def value(atom: Any) -> Entries:
-            if not isinstance(atom, Literal):
-                return found[atom]
-            aval: Any = atom.aval
-            return self.known(atom.val, aval.dtype)
+            return self.known(atom.val, atom.aval.dtype) if hasattr(atom, "val") else found[atom]
 
         constants = map(self.known, getattr(closed, "consts", ()))
         found.update(zip(jaxpr.constvars, constants, strict=True))

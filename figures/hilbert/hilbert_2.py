@@ -12,6 +12,7 @@ import analysis
 from figures._rc import BLUE, VERMILLION
 from figures.making.schema import Claims
 from figures.shared.sheets.curve_tables import CURVES, Curve, enumerated, square
+from figures.shared.sheets.curves import titled
 from qmcjax import sequences
 
 SHOWN = (8, 9)
@@ -44,9 +45,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves over their radical inverses, with the differences on the shared edges."""
-    del quality  # Exact, and quick.
-    figure = Figure(figsize=(15, 12), layout="constrained")
-    figure.suptitle("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)")
+    figure = titled("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)", 15, 12)
     measured = {}
     for name, panels in zip(CURVES, figure.subplots(len(BASES), len(CURVES)).T, strict=True):
         curve = square(name, *SHOWN)

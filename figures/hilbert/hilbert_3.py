@@ -23,7 +23,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show three radical inverses for each curve, and all of them as red, green and blue."""
-    del quality, progress  # The paper's own resolution, and quick.
     rows: dict[str, dict] = {rf"$\phi_{base}$": {} for base in BASES} | {SUPERIMPOSED: {}}
     measured = {}
     for name in CURVES:

@@ -44,7 +44,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show phi_2 by itself and scrambled in two ways, and phi_5 by itself and with better digits."""
-    del quality, progress  # The paper's own resolution, and quick.
     sheet: dict[str, dict[str, NDArray]] = {label: {} for label in SOURCES}
     measured = {}
     leading: dict[str, list[NDArray[np.bool_]]] = {}

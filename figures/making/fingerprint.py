@@ -44,8 +44,10 @@ def fingerprint(module: str, quality: str) -> str:
 def sources(module: str) -> dict[str, Path]:
     """Return the files of the modules that importing ``module`` runs, and the data files of their packages.
 
-    By dotted names, for data ``package/file``; of `PROJECT` and of the package of ``module`` only.
+    By dotted names, for data ``package/file``; of `PROJECT` and of the package of ``module`` only. The name
+    of a function may follow ``module`` after a colon.
     """
+    module = module.partition(":")[0]
     roots = {root: _folder(root) for root in {*PROJECT, module.partition(".")[0]}}
     found: dict[str, Path] = {}
     pending, seen = [module], set()

@@ -14,7 +14,6 @@ MODULES = (
     "matplotlib.pyplot",
     "PIL.PngImagePlugin",
     "PIL.WebPImagePlugin",
-    "figures.shared.sheets.image_grid",
     "figures.shared.sheets.image_sheets",
     "figures.shared.rendered.pixel_sets",
 )

@@ -93,7 +93,9 @@ def _answer(task: Task, connection: Connection) -> Done | Failed:
 
 def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Files, str, tuple[str, ...]]:
     """Return the picture, the numbers, the files that were handed out, what images and others they are."""
-    make = importlib.import_module(task.module).make
+    module, _, named = task.module.partition(":")
+    function = named or "make"
+    make = getattr(importlib.import_module(module), function)
 
     import matplotlib.pyplot as plt
     from matplotlib.figure import Figure
@@ -106,7 +108,7 @@ def _draw(task: Task, progress: Callable[[float], None]) -> tuple[bytes, str, Fi
         made = make(task.quality, progress)
         if not (len(made) in (2, 3, 4) and isinstance(made[0], Figure) and isinstance(made[1], dict)):
             found = f"({', '.join(type(part).__name__ for part in made)})"
-            raise TypeError(f"{task.module}.make must return a matplotlib Figure and a dict, got {found}")
+            raise TypeError(f"{module}.{function} must return a matplotlib Figure and a dict, got {found}")
         picture, numbers, *handed = made
         check_numbers(numbers)
         drawn, smaller = _drawn(picture)

@@ -12,6 +12,7 @@ from figures.plot import Style, style
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rendered import traced_sweep
 from figures.shared.rendered.traced_sweep import OURS
+from figures.shared.sheets.curves import titled
 from figures.shared.timing import peer_images, speed_sweep
 from figures.shared.timing.error_over_time import Rows, best, counted, legend, lines, time_for
 
@@ -159,10 +160,11 @@ def _panels(rows: Rows, side: int, by: str, styles: Mapping[str, Style] | None) 
 def _drawn(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
     """Draw error over time, with the error of the reference, and a legend for each kind of panels."""
     rows = -(-len(panels) // COLUMNS)
-    figure = Figure(figsize=(3.3 * COLUMNS + 2, 3.2 * rows + 0.6), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Points that cost more must save samples: error over run time, one mark for each number of samples\n"
-        "(lower left is better; grey: error of the reference)"
+        "(lower left is better; grey: error of the reference)",
+        3.3 * COLUMNS + 2,
+        3.2 * rows + 0.6,
     )
     axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     kinds: dict[str, list[Axes]] = {}

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from analysis import design_samples
-from figures.shared.sheets import marks
+from figures.shared.sheets.curves import name_axes
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 
@@ -99,7 +99,6 @@ def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:
     for camera, marker in zip(CAMERAS, "os^", strict=True):
         axes.plot(places, [of[camera] for of in row.values()], marker, label=f"for the scene, {camera}")
     axes.axhline(1, color="0.4", linewidth=0.8)
-    axes.set(yscale="log", xticks=places, title=count, ylabel="filtered error / that of tiles for the class")
-    axes.set_xticklabels(list(row), rotation=20)
-    marks.plain_numbers(axes)
-    axes.legend(fontsize=8)
+    y = "filtered error / that of tiles for the class"
+    name_axes(axes, y=y, title=count, log="y", few_decades=True, legend="best")
+    axes.set_xticks(places, list(row), rotation=20)

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, StrMethodFormatter
 from numpy.typing import NDArray
 
 import analysis
@@ -15,7 +14,8 @@ from figures import plot
 from figures.shared import judged
 from figures.shared.integrands import integrand_classes, integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.curves import curve, name_axes
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from qmcjax import render, samplers, scenes
 from qmcjax.choosing import CANDIDATES
 
@@ -228,13 +228,9 @@ def _curves(axes: Axes, found: Found, dims: int, size: Size) -> None:
     names, counts = (OURS, *size.rivals), size.counts
     for name in names:
         style = plot.style(name, names)
-        errors = [float(found[dims, name, spp].mean()) for spp in counts]
-        axes.plot(counts, errors, style.line, marker=style.marker, color=style.color, ms=4, lw=1, label=name)
-    axes.set(xscale="log", yscale="log", xlabel="samples per pixel", xticks=counts, xticklabels=counts)
-    axes.minorticks_off()
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axes.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-    axes.grid(lw=0.4, color="0.9")
+        errors = {spp: float(found[dims, name, spp].mean()) for spp in counts}
+        curve(axes, errors, style, label=name)
+    name_axes(axes, "samples per pixel", log="xy", ticks=counts, few_decades=True)
 
 
 SIDES = {1: 64, 2: 64, 4: 32, 8: 32, 16: 16}

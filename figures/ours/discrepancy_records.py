@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, NullLocator
 from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.shared.sheets import marks, point_plots, text_tables
+from figures.shared.sheets import point_plots, text_tables
+from figures.shared.sheets.curves import curve, name_axes, titled
 from qmcjax import sequences
 
 MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
@@ -154,9 +154,10 @@ def _golden(n: int) -> NDArray[np.float64]:
 def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], parts: list[dict]) -> Figure:
     """Draw star discrepancies by dimensions and L2 discrepancies above the table."""
     lines = (len(rows) + 1) // 2
-    figure = Figure(figsize=(14, 8.6 + 0.19 * lines), layout="constrained")
-    figure.suptitle(
-        "Searched points: about half of Sobol's star discrepancy, smaller L2 discrepancies, all certified"
+    figure = titled(
+        "Searched points: about half of Sobol's star discrepancy, smaller L2 discrepancies, all certified",
+        14,
+        8.6 + 0.19 * lines,
     )
     layout = figure.subplot_mosaic(
         "aabbcc;ddeeff;ggghhh", height_ratios=[4, 4, 0.6 + 0.19 * lines]
@@ -165,10 +166,10 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], part
         _panel(layout[panel], dims, curves[dims])
     for name, values in (("proven optimum", OPTIMAL), *PUBLISHED.items()):
         shown = {n: n * value for n, value in values.items() if n in curves[2]["record"]}
-        marks.curve(layout["a"], shown, MARKS[name], ls="", ms=6, label=name)
+        curve(layout["a"], shown, MARKS[name], ls="", ms=6, label=name)
     selected = {n: SUBSETS * value for n, value in curves[6][SOBOL].items() if 30 <= n <= 240}
     look = MARKS["permutations"]._replace(marker="_", line="--")
-    marks.curve(layout["e"], selected, look, ms=6, lw=1.5, label="35 % below, most of 2306.15276")
+    curve(layout["e"], selected, look, ms=6, lw=1.5, label="35 % below, most of 2306.15276")
     for panel in "abcde":
         layout[panel].legend(frameon=False, loc="upper left", fontsize=7, ncols=2 if panel == "a" else 1)
     _l2_panel(layout["f"], parts)
@@ -212,24 +213,18 @@ def _l2_panel(axes: Axes, parts: list[dict]) -> None:
         of_kind = [row for row in parts if (row["kind"], row["dims"]) == (kind, dims)]
         shown = {row["n"]: row["record"] / row[SOBOL] for row in of_kind}
         look = plot.Style(f"C{dims}", ".", line)
-        marks.curve(axes, shown, look, ms=6, lw=1.5, label=f"{kind}, {dims}-D")
+        curve(axes, shown, look, ms=6, lw=1.5, label=f"{kind}, {dims}-D")
+    y, title = "part of the first n points of Sobol'", "periodic L2 and root of average squared discrepancy"
+    name_axes(axes, "number of points n", y, title, legend="lower left", fontsize=7, ncols=2)
     axes.set_xscale("log", base=2)
-    axes.set(ylim=(0, None), xlabel="number of points n", ylabel="part of the first n points of Sobol'")
-    axes.set_title("periodic L2 and root of average squared discrepancy", fontsize=9)
-    axes.legend(frameon=False, fontsize=7, ncols=2, loc="lower left")
-    axes.grid(alpha=0.3)
+    axes.set_ylim(0, None)
 
 
 def _panel(axes: Axes, dims: int, curves: dict[str, dict[int, float]]) -> None:
     for name, values in curves.items():
         drawn = RECORDS if name == "record" else CONSTRUCTED[dims][name][0]
-        marks.curve(axes, values, drawn, lw=1.2, ms=5, label="found" if name == "record" else name)
+        curve(axes, values, drawn, lw=1.2, ms=5, label="found" if name == "record" else name)
     sizes = [n for n in curves["record"] if not n & (n - 1)]
-    axes.set_xscale("log", base=2)
-    axes.xaxis.set_major_locator(FixedLocator(sizes))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.set_xticklabels(map(str, sizes))
-    highest = max(max(values.values()) for values in curves.values())
-    axes.set(xlabel="number of points n", ylabel="D* times the number of points", ylim=(0, 1.35 * highest))
-    axes.set_title(f"{dims} dimensions", fontsize=9)
-    axes.grid(alpha=0.3)
+    x, y, title = "number of points n", "D* times the number of points", f"{dims} dimensions"
+    name_axes(axes, x, y, title, log="x", ticks=sizes)
+    axes.set_ylim(0, 1.35 * max(max(values.values()) for values in curves.values()))

@@ -15,6 +15,7 @@ from figures.shared.integrands import (
     interval_kinds,
     rare_events,
 )
+from figures.shared.sheets.curves import titled
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""
@@ -91,8 +92,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     stops = {kind: interval_kinds.stopped(kind, width, keys, points, every) for kind in asked}
     progress(0.7)
     rare, rare_stops = _rare(quality)
-    figure = Figure(figsize=(7, 10.5), layout="constrained")
-    figure.suptitle(TITLE, fontsize=10)
+    figure = titled(TITLE, 7, 10.5, fontsize=10)
     grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
     places = ((0, slice(None)), *np.ndindex(4, 2))
     axes = [figure.add_subplot(grid[place]) for place in places if place[0] or place[1] == slice(None)]

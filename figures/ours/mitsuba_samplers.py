@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 import analysis
@@ -19,8 +18,8 @@ from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
 from figures.shared.rendered import mitsuba_samplers_measured as measured
 from figures.shared.rendered.mitsuba_samplers_measured import Images, Rates, Size
-from figures.shared.sheets import marks
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.curves import curve, name_axes
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 SHOWN = ("independent", "multijitter", OWEN, OPTIMIZED)
@@ -229,15 +228,8 @@ def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], 
     for sampler in size.samplers:
         name = measured.shown(sampler)
         chosen = {row["spp"]: row[what] for row in rows if (row["scene"], row["sampler"]) == (scene, name)}
-        marks.curve(axes, chosen, _style(sampler), label=name)
-    axes.set(xscale="log", yscale="log", xlabel="samples per pixel", ylabel=what)
-    axes.set_xticks(size.counts, list(map(str, size.counts)))
-    axes.xaxis.set_minor_locator(NullLocator())
-    # Less than a decade has few labels by default.
-    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=10))
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_locator(NullLocator())
-    axes.grid(alpha=0.3)
+        curve(axes, chosen, _style(sampler), label=name)
+    name_axes(axes, "samples per pixel", what, log="xy", ticks=size.counts, few_decades=True)
 
 
 def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size) -> None:

@@ -11,6 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from figures.making import own_process
 from figures.making.this_machine import machine
+from figures.shared.sheets.curves import legend_below, name_axes, titled
 from figures.shared.timing import image_scaling, measure_scaling
 
 DOUBLED, WITHIN = 2.0, 0.1
@@ -52,23 +53,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.4)
     measures = own_process.measured(measure_scaling, quality)
     progress(0.9)
-    figure = Figure(figsize=(13, 10.5), layout="constrained")
-    figure.suptitle(
-        "The time of an image is proportional to its samples; memory does not grow with samples per pixel"
+    figure = titled(
+        "The time of an image is proportional to its samples; memory does not grow with samples per pixel",
+        13,
+        10.5,
     )
     (of_images, image_memory), (of_measures, measure_memory) = figure.subplots(2, 2)
     doublings = _images(of_images, image_memory, images)
     table = _measures(of_measures, measure_memory, measures)
-    figure.legend(
-        *of_measures.get_legend_handles_labels(),
-        loc="outside lower center",
-        ncols=2,
-        frameon=False,
-        title="measures: expected growth, and measured exponent; triangles: 3-D",
-    )
+    legend = "measures: expected growth, and measured exponent; triangles: 3-D"
+    legend_below(figure, of_measures, 2, title=legend)
     for axes in figure.axes:
         axes.xaxis.set_minor_formatter(NullFormatter())
-        axes.grid(alpha=0.3)
     return figure, {
         "measured": {"images": images, "measures": measures, "images, a doubling takes": doublings},
         "table": table,
@@ -86,19 +82,19 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
         seconds = [row["seconds"] for row in rows]
         for of, line, clock in ((busy, "o-", "processors"), (seconds, "x--", "clock")):
             label = f"{name}, {clock}"
-            times.loglog(sizes, np.array(of) / sizes * 1e9, line, ms=4, lw=1, color=f"C{number}", label=label)
+            times.plot(sizes, np.array(of) / sizes * 1e9, line, ms=4, lw=1, color=f"C{number}", label=label)
         beyond = [row["beyond"] for row in rows]
         if None not in beyond:
-            memory.semilogx(sizes, np.array(beyond) / 2**20, "o-", ms=4, lw=1, color=f"C{number}")
+            memory.plot(sizes, np.array(beyond) / 2**20, "o-", ms=4, lw=1, color=f"C{number}")
         doublings[name] = {
             f"{size:.0f} samples": float(np.sqrt(after / before))
             for size, (before, after) in zip(sizes[1:], pairwise(busy), strict=True)
             if size > LARGE
         }
-    times.set(title="Images: time per sample", xlabel="samples of the whole image", ylabel="nanoseconds")
-    memory.set(title="Images: memory beyond the image", xlabel="samples of the whole image", ylabel="MiB")
+    x = "samples of the whole image"
+    name_axes(times, x, "nanoseconds", "Images: time per sample", log="xy", legend="best")
+    name_axes(memory, x, "MiB", "Images: memory beyond the image", log="x")
     memory.set_ylim(bottom=0)
-    times.legend(frameon=False)
     return doublings
 
 
@@ -135,9 +131,9 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
         exponent = "" if slope is None else f", measured $n^{{{slope:.2f}}}$"
         label = f"{name}: {_grows(power, logs)}{exponent}"
         style = "o-" if rows["dims"] == 2 else "^-"
-        times.loglog(n, seconds, style, ms=4, color=color, label=label)
+        times.plot(n, seconds, style, ms=4, color=color, label=label)
         expected = n**power * np.log(n) ** logs
-        times.loglog(n, expected * (seconds[-1] / expected[-1]), "--", lw=0.8, color=color)
+        times.plot(n, expected * (seconds[-1] / expected[-1]), "--", lw=0.8, color=color)
         row: dict[str, Any] = {
             "measure": name,
             "n": rows["n"][-1],
@@ -151,14 +147,13 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
         shown = own >= LEAST
         if shown.any() and None not in rows["bytes"]:
             ratio = (np.array(rows["bytes"]) / own)[shown]
-            memory.semilogx(n[shown], ratio, style, ms=4, color=color)
+            memory.plot(n[shown], ratio, style, ms=4, color=color)
             row[MEMORY] = float(ratio[-1])
         table.append(row)
     memory.axhline(ALLOWED, color="black", lw=0.8, label=f"{ALLOWED} times")
-    times.set(title="Measures: time of a call", xlabel="points", ylabel="seconds")
-    memory.set(title="Measures: peak memory of a call", xlabel="points", ylabel=MEMORY)
+    name_axes(times, "points", "seconds", "Measures: time of a call", log="xy")
+    name_axes(memory, "points", MEMORY, "Measures: peak memory of a call", log="x", legend="best")
     memory.set_ylim(bottom=0)
-    memory.legend(frameon=False)
     return table
 
 

@@ -11,6 +11,7 @@ from figures import plot
 from figures.making.schema import Claims
 from figures.shared.integrands import screen_space
 from figures.shared.integrands.screen_space import FAMILIES, INTEGRALS, Measures
+from figures.shared.sheets.curves import titled
 
 COUNTS = (1, 4, 16, 64)
 BINS = 32
@@ -91,10 +92,11 @@ def _radial_power(errors: NDArray[np.float64]) -> Curve:
 
 def _drawn(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
     """Draw radial spectra: a row for each number of samples, a column for each family."""
-    figure = Figure(figsize=(3 * len(FAMILIES), 2.4 * len(powers) + 1.6), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Consecutive blocks of one sequence along a curve keep errors out of low frequencies, at all counts\n"
-        f"radial power spectra of errors, {len(INTEGRALS)} integrands, {side} x {side} pixels, one key"
+        f"radial power spectra of errors, {len(INTEGRALS)} integrands, {side} x {side} pixels, one key",
+        3 * len(FAMILIES),
+        2.4 * len(powers) + 1.6,
     )
     panels = figure.subplots(len(powers), len(FAMILIES), sharex=True, sharey=True, squeeze=False)
     for row, (spp, of) in zip(panels, powers.items(), strict=True):

@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.curves import name_axes
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from figures.shared.timing import speed_sweep
 from qmcjax import scenes
 
@@ -106,10 +107,9 @@ def _draw_times(axes: Axes, table: dict[str, dict[str, dict[str, float]]]) -> No
     for marker, (name, rows) in zip("osD^", table.items(), strict=True):
         for k, (spp, row) in enumerate(rows.items()):
             part, times = row["proportion taken"], row["seconds with"] / row["seconds without"]
-            axes.loglog(part, times, marker, color=f"C{k}", ms=6, label=f"{name}, {spp} spp")
+            axes.plot(part, times, marker, color=f"C{k}", ms=6, label=f"{name}, {spp} spp")
     ends = np.array([0.003, 1])
-    axes.loglog(ends, ends, "k-", lw=0.8, label="in proportion")
-    axes.loglog(ends, 1.3 * ends, "k:", lw=0.8, label="1.3 times that")
-    axes.set(xlabel="samples taken / all samples", ylabel="time / time without skipping")
-    axes.grid(alpha=0.3)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.0), frameon=False)
+    axes.plot(ends, ends, "k-", lw=0.8, label="in proportion")
+    axes.plot(ends, 1.3 * ends, "k:", lw=0.8, label="1.3 times that")
+    x, y, beside = "samples taken / all samples", "time / time without skipping", (1.02, 1.0)
+    name_axes(axes, x, y, log="xy", legend="upper left", bbox_to_anchor=beside)

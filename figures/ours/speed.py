@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from figures.making import own_process
 from figures.plot import Style
+from figures.shared.sheets.curves import titled
 from figures.shared.timing import device_rates, measure_rates, path_rates, point_rates, ray_rates
 
 ALIKE = 1.25
@@ -67,8 +68,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     rays = {name: {way: of["per second"] for way, of in ways.items()} for name, ways in of_rays.items()}
     paths = {name: of["paths per second"] for name, of in of_paths.items()}
 
-    figure = Figure(figsize=(16, 11), layout="constrained")
-    figure.suptitle("How fast points, rays, paths and measures are (further right is better)")
+    figure = titled("How fast points, rays, paths and measures are (further right is better)", 16, 11)
     parts: Any = figure.subfigures(1, 2)
     left, right = parts
     columns = {

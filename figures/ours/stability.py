@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from figures.shared.precision import point_precision, ray_precision
+from figures.shared.sheets.curves import name_axes, titled
 
 COUNT = {"draft": (64, 2**12), "paper": (1024, 2**17)}
 """Points, pixels or indices that each error is the largest of, and rays of each case."""
@@ -73,10 +74,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ),
     }
     panels = of_points | of_rays
-    figure = Figure(figsize=(11, 19), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Single precision holds for points and sums; frequencies, and rays far from the origin, need double\n"
-        "dashed: errors that an image shows; errors of 0 are drawn at the bottom"
+        "dashed: errors that an image shows; errors of 0 are drawn at the bottom",
+        11,
+        19,
     )
     axes = figure.subplots(len(panels) // COLUMNS, COLUMNS).ravel()
     measured: dict[str, Curves] = {}
@@ -109,12 +111,11 @@ def _draw(axes: Axes, name: str, panel: Panel, curves: Curves) -> None:
         color = colors.setdefault(label.replace(", float64", ", float32"), f"C{len(colors)}")
         line = ":" if label.endswith(", float64") else "-"
         values = np.maximum(list(curve.values()), zero)
-        axes.loglog(list(curve), values, "o", ls=line, color=color, ms=3, label=label)
+        axes.plot(list(curve), values, "o", ls=line, color=color, ms=3, label=label)
     if panel.limit is not None:
         axes.axhline(panel.limit, color="0.5", ls="--", lw=0.8, zorder=0)
-    axes.set(title=name, xlabel=panel.x, ylabel=panel.y)
-    axes.grid(alpha=0.3)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2, frameon=False)
+    below = (0.5, -0.2)
+    name_axes(axes, panel.x, panel.y, name, log="xy", legend="upper center", bbox_to_anchor=below, ncols=2)
 
 
 def _documented(measured: Mapping[str, Curves]) -> dict[str, bool]:

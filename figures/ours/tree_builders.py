@@ -13,6 +13,7 @@ from analysis import trees
 from figures.shared.meshes import mesh_models
 from figures.shared.meshes.traversal import Rays, leaf_depths, traced
 from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
 from figures.shared.turns import in_turns, median, timed
 
 SIDE = {"draft": 24, "paper": 96}
@@ -163,9 +164,10 @@ def _embree(mesh: mesh_models.Mesh, side: int = 256, turns: int = 5) -> float:
 
 
 def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
-    figure = Figure(figsize=(15.0, 2.4 + 0.23 * len(measured)), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Most other builders need more nodes than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)",
+        15.0,
+        2.4 + 0.23 * len(measured),
         fontsize=11,
     )
     rows = []

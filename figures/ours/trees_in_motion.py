@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
+from figures.plot import Style
 from figures.shared.meshes import mesh_models
 from figures.shared.meshes.mesh_models import Mesh, helicopter_parts, knots, terrain
 from figures.shared.meshes.traversal import Rays, traced
+from figures.shared.sheets.curves import curve, legend_below, name_axes, titled
 
 SIDE = {"draft": 24, "paper": 96}
 PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}
@@ -213,12 +215,13 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
 
 
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:
-    figure = Figure(figsize=(3.6 * len(found), 6.6), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Trees that follow the motion need fewer nodes than one tree over whole paths (thesis Sect. 4.2 "
         "and 4.3)\n"
         "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "
         "small triangles fly",
+        3.6 * len(found),
+        6.6,
         fontsize=11,
     )
     panels = figure.subplots(2, len(found), squeeze=False)
@@ -226,13 +229,12 @@ def _draw(found: dict[str, dict[str, Way]]) -> Figure:
         for row, key in enumerate(("expected", "visited")):
             axes = panels[row, column]
             _draw_ways(axes, of, key)
-            axes.set_ylabel("expected nodes per line" if row == 0 else "visited nodes per primary ray")
-            if row == 0:
-                axes.set_title(name, fontsize=10)
-            else:
-                axes.set_xlabel("boxes stored per triangle")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3)
+            x, title = ("boxes stored per triangle", "") if row else ("", name)
+            y = "visited nodes per primary ray" if row else "expected nodes per line"
+            name_axes(axes, x, y, title)
+            axes.set_xscale("log", base=2)
+            axes.set_ylim(0, None)
+    legend_below(figure, panels[0, 0], 3)
     return figure
 
 
@@ -241,9 +243,6 @@ def _draw_ways(axes: Axes, of: dict[str, Way], key: str) -> None:
         ways = [(name, way) for name, way in of.items() if name.split(": ")[0] == kind]
         values = ", ".join(name.split(": ")[1] for name, _ in ways if ": " in name)
         label = f"{kind}: {values}" if values else kind
-        x, y = [way.boxes for _, way in ways], [getattr(way, key) for _, way in ways]
-        axes.plot(x, y, marker=marker, color=color, ms=5, lw=0.8, label=label)
+        costs = {way.boxes: getattr(way, key) for _, way in ways}
+        curve(axes, costs, Style(color, marker), ms=5, lw=0.8, label=label)
     axes.axhline(of[WHOLE]._asdict()[key], color=BLACK, lw=0.6, ls=":")
-    axes.set_xscale("log", base=2)
-    axes.set_ylim(0, None)
-    axes.grid(alpha=0.3)

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from figures.plot import Style, rc, style
 from figures.shared.rivals import RIVALS
-from figures.shared.sheets import marks
+from figures.shared.sheets.curves import curve
 from figures.suite.entries import Entry
 from figures.suite.results import BASE, Measured, Score, by_samples, families
 
@@ -126,7 +126,7 @@ def _panel(
         else:
             look = {"ms": 6, "lw": 2, "zorder": 3}
             axes.fill_between(x, low, high, color=color, alpha=0.15, lw=0)
-        marks.curve(axes, of_entry, styles[name], label=name, **look)
+        curve(axes, of_entry, styles[name], label=name, **look)
     axes.axhline(1, color="black", lw=0.8, zorder=1)
     axes.set_xscale("log", base=2)
     axes.set_yscale("log")

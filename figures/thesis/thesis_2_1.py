@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures.shared.sheets.curves import name_axes, titled
 from figures.shared.sheets.trajectories import at
 from qmcjax.tracing import motion
 
@@ -24,7 +25,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the functions, and test the properties that the thesis lists."""
-    del quality, progress
     functions = motion.nurbs(np.eye(COUNT), None, KNOTS, DEGREE)
     u = np.linspace(KNOTS[0], KNOTS[-1], 1601)
     values = at(functions, u)
@@ -38,16 +38,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     without[SWITCHED_OFF] = 0
     weighted = at(motion.nurbs(np.eye(COUNT), without, KNOTS, DEGREE), u)
 
-    figure = Figure(figsize=(9, 4), layout="constrained")
+    title = "Cubic B-spline basis functions, end knots four times each (thesis Fig. 2.1)"
+    figure = titled(title, 9, 4, fontsize=10)
     axes = figure.subplots()
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
         look = {"ha": "center", "fontsize": 9, "color": f"C{i % 10}"}
         top = u[column.argmax()], column.max()
         axes.annotate(f"$N_{{{i},3}}$", top, xytext=(0, 3), textcoords="offset points", **look)
-    axes.set(xlim=(-0.15, 8.15), ylim=(0, 1.1), xlabel="u", xticks=sorted(set(KNOTS)))
-    axes.set_title("Cubic B-spline basis functions, end knots four times each (thesis Fig. 2.1)", fontsize=10)
-    axes.grid(alpha=0.3)
+    name_axes(axes, "u", ticks=sorted(set(KNOTS)))
+    axes.set(xlim=(-0.15, 8.15), ylim=(0, 1.1))
     off = float(abs(values.sum(axis=1) - 1).max())
     counts = sorted({int(n) for n in nonzero})
     measured = {

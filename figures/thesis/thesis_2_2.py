@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, pair, table
+from figures.shared.sheets.curves import legend_below
+from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, pair, table
 
 STEPS = 24
 SEGMENTS = 16 * STEPS
@@ -20,7 +21,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both, and measure how far it is from circle to circle."""
-    del quality, progress
     u, lengths = table(CURVE, FINE)
     equidistant = np.linspace(u[0], u[-1], STEPS + 1)
     constant_speed = CURVE.by_arc_length(SEGMENTS)
@@ -39,7 +39,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         draw(panel, CURVE)
         panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="equal times apart")
         panel.set_title(f"{name}\nlongest step / shortest = {ratios[name]:.4g}", fontsize=9)
-    legend(figure)
+    legend_below(figure, figure.axes[0])
     by_parameter, by_length = ratios.values()
     measured = {name: {"longest step / shortest": ratio} for name, ratio in ratios.items()}
     measured["length of the curve"] = {"table": float(lengths[-1]), "library": constant_speed.length}

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.figure import Figure
 
-from figures.shared.sheets.trajectories import CORNER, at, draw, legend, pair
+from figures.shared.sheets.curves import legend_below
+from figures.shared.sheets.trajectories import CORNER, at, draw, pair
 from qmcjax.tracing import motion
 
 SIMPLE = (0, 0, 0, 0, 1, 2, 3, 4, 6, 6, 6, 6)
@@ -21,7 +22,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curve beside that of simple knots, and measure distance and turn at the lowest point."""
-    del quality, progress
     curves = {
         "the knot 2 three times": CORNER,
         "simple knots": motion.nurbs(CORNER.control, CORNER.weights, SIMPLE, 3),
@@ -33,7 +33,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         draw(panel, curve)
         panel.plot(*CORNER.control[BOTTOM], "s", color="C1", ms=5)
         panel.set_title(f"{name}\nturn at the bottom {found['turn, degrees']:.1f}°", fontsize=9)
-    legend(figure)
+    legend_below(figure, figure.axes[0])
     corner, smooth = measured.values()
     claims = {
         "it causes the curve to interpolate the control point at the bottom": corner["distance"] < 1e-12,

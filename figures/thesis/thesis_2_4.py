@@ -6,7 +6,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures._errors import slope
-from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, legend, pair, table
+from figures.plot import Style
+from figures.shared.sheets.curves import curve, legend_below, name_axes
+from figures.shared.sheets.trajectories import CORNER, CURVE, FINE, at, draw, pair, table
 
 SHOWN = 16
 PIECES = tuple(2**k for k in range(3, 13))
@@ -22,9 +24,8 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a few segments, and the error of the length over their number."""
-    del quality, progress
-    exact = {name: curve.by_arc_length(1).length for name, curve in CURVES.items()}
-    sums = {name: [float(table(curve, n)[1][-1]) for n in PIECES] for name, curve in CURVES.items()}
+    exact = {name: path.by_arc_length(1).length for name, path in CURVES.items()}
+    sums = {name: [float(table(path, n)[1][-1]) for n in PIECES] for name, path in CURVES.items()}
     errors = {name: [1 - found / exact[name] for found in of] for name, of in sums.items()}
     slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
@@ -32,21 +33,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     draw(left, CURVE)
     ends = at(CURVE, np.linspace(CURVE.knots[0], CURVE.knots[-1], SHOWN + 1))
     left.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN} linear segments")
-    legend(figure)
-    for (name, of), color, marker in zip(errors.items(), ("C0", "C4"), "ov", strict=True):
+    legend_below(figure, figure.axes[0])
+    for (name, of), look in zip(errors.items(), (Style("C0", "o"), Style("C4", "v")), strict=True):
         label = f"curve {name}, slope {slopes[name]:.2f}"
-        right.loglog(PIECES, of, color=color, marker=marker, ms=4, label=label)
-    right.set(xlabel="linear segments", ylabel="missing part of the length")
-    right.grid(alpha=0.3)
-    right.legend(frameon=False)
+        curve(right, dict(zip(PIECES, of, strict=True)), look, label=label)
+    name_axes(right, "linear segments", "missing part of the length", log="xy", legend="best")
     measured = {
         name: {
             "length": exact[name],
             "missing part": dict(zip(map(str, PIECES), errors[name], strict=True)),
             "slope": slopes[name],
-            f"length by {FINE} segments": float(table(curve, FINE)[1][-1]),
+            f"length by {FINE} segments": float(table(path, FINE)[1][-1]),
         }
-        for name, curve in CURVES.items()
+        for name, path in CURVES.items()
     }
     claims = {
         "sums of lengths of linear segments approximate the length: 4096 miss less than 1/1000": all(

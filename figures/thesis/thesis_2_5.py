@@ -7,7 +7,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, legend, pair, table
+from figures.shared.sheets.curves import legend_below, name_axes
+from figures.shared.sheets.trajectories import CURVE, FINE, at, draw, pair, table
 
 SHOWN = 16
 COUNTS = tuple(2**k for k in range(3, 11))
@@ -25,7 +26,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the segments, and their largest error over their number beside the bound."""
-    del quality, progress
     u, lengths = table(CURVE, FINE)
     errors, bounds, spread, at_ends = [], [], [], []
     divided = {count: CURVE.by_arc_length(count) for count in COUNTS}
@@ -49,12 +49,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     draw(left, CURVE)
     label = f"{SHOWN} segments of equal length"
     left.plot(*divided[SHOWN].points.T, "o-", color="C1", ms=4, lw=0.8, label=label)
-    legend(figure)
-    right.loglog(COUNTS, bounds, "k:", label="bound that comes with the segments")
-    right.loglog(COUNTS, errors, "o-", color="C1", ms=4, label="largest error")
-    right.set(xlabel="linear segments", ylabel="error / length of the curve")
-    right.grid(alpha=0.3)
-    right.legend(frameon=False)
+    legend_below(figure, figure.axes[0])
+    right.plot(COUNTS, bounds, "k:", label="bound that comes with the segments")
+    right.plot(COUNTS, errors, "o-", color="C1", ms=4, label="largest error")
+    name_axes(right, "linear segments", "error / length of the curve", log="xy", legend="best")
     of_count = {
         str(count): {"error": error, "bound": bound, "longest chord / shortest": ratio}
         for count, error, bound, ratio in zip(COUNTS, errors, bounds, spread, strict=True)

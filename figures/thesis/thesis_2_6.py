@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.trajectories import legend
+from figures.shared.sheets.curves import legend_below
 from qmcjax.tracing import motion
 
 CORNERS = np.array([[0.3, 0.7], [1.5, 0.7], [1.5, 1.4], [0.3, 1.4]])
@@ -31,7 +31,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw two rotations with their boxes, and measure how tight these are, in the plane and in space."""
-    del quality, progress
     figure, axes = point_plots.panels(2, "Boxes of a rectangle that turns (thesis Fig. 2.6)")
     corner = CORNERS[-1]
     highest = -float(np.arctan2(corner[1], corner[0]))
@@ -49,7 +48,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "degrees at which it is reached": -float(np.degrees(reached)),
         }
         _draw(panel, name, stop, highest if stop < highest else stop, low, high)
-    legend(figure)
+    legend_below(figure, figure.axes[0])
     of_space = _in_random_frames()
     measured["in space, volume / brute force"] = {
         name: {"mean": float(np.mean(of)), "largest": float(np.max(of)), "smallest": float(np.min(of))}

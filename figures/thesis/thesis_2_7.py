@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.trajectories import at, legend
+from figures.shared.sheets.curves import legend_below, name_axes
+from figures.shared.sheets.trajectories import at
 from qmcjax.tracing import motion
 
 SHOWN = (3, 6, 12, 24)
@@ -24,7 +25,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a full turn by few and by many segments, and count how many are enough."""
-    del quality, progress
     figure, axes = point_plots.panels(len(SHOWN) + 1, "Linear segments of a fast rotation (thesis Fig. 2.7)")
     angles = np.linspace(0, 2 * np.pi, 361)
     for panel, segments in zip(axes, SHOWN, strict=False):
@@ -34,15 +34,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
         panel.set_axis_off()
         panel.set_title(f"{segments} segments,\nerror {_error(1.0, segments):.1%} of the radius", fontsize=8)
-    legend(figure)
+    legend_below(figure, figure.axes[0])
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):
-        axes[-1].loglog(counts, of, marker=marker, ms=4, label=f"{turns:g} turns")
+        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turns")
     axes[-1].axhline(ALLOWED, color="k", lw=0.6, ls=":")
-    axes[-1].set(xlabel="linear segments", ylabel="error / radius")
-    axes[-1].grid(alpha=0.3)
-    axes[-1].legend(fontsize=8)
+    name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="best")
 
     enough = {turns: int(np.ceil(np.pi * turns / np.arccos(1 - ALLOWED))) for turns in TURNS}
     around = {turns: [_error(turns, n - 1), _error(turns, n)] for turns, n in enough.items()}

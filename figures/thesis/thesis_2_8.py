@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from figures.shared.sheets import point_plots
+from figures.shared.sheets.curves import name_axes
 from figures.shared.sheets.trajectories import at
 from qmcjax.tracing import motion
 
@@ -34,7 +35,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both approximations, and measure how high above the floor the ball turns."""
-    del quality, progress
     ways = {"ends at equal times": (), "ends at the corners, too": BALL.corners}
     floating = {name: {n: _floats(_approximated(n, known)) for n in COUNTS} for name, known in ways.items()}
     figure, axes = point_plots.panels(3, "A ball that jumps, by linear segments (thesis Fig. 2.8)")
@@ -50,9 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         panel.legend(fontsize=8, loc="upper left")
     for (name, of), color in zip(floating.items(), COLORS, strict=True):
         axes[2].plot(COUNTS, list(of.values()), ".-", color=color, lw=0.8, label=name)
-    axes[2].set(xlabel="linear segments", ylabel="height of the turn / height of a jump")
-    axes[2].grid(alpha=0.3)
-    axes[2].legend(fontsize=8)
+    name_axes(axes[2], "linear segments", "height of the turn / height of a jump", legend="best")
     without, knowing = floating.values()
     measured = {
         "corners that knots tell": BALL.corners.tolist(),

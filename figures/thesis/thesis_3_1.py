@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures.shared.sheets.curves import legend_below, titled
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 
@@ -40,8 +41,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both, and compare the thesis's way with the library's in random configurations."""
     count = RANDOM[quality]
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
-    figure.suptitle("A moving triangle, and when a ray hits it (thesis Fig. 3.1)")
+    figure = titled("A moving triangle, and when a ray hits it (thesis Fig. 3.1)", 10, 4.2)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1))
     _scene(figure.add_subplot(grid[:, 0]))
     opened, closed = _random(count)
@@ -54,7 +54,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     found = dict(zip(RAYS, theirs[:shown], strict=True))
     for row, (name, ray) in enumerate(RAYS.items()):
         _areas(figure.add_subplot(grid[row, 1]), name, ray, found[name])
-    figure.legend(*figure.axes[1].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    legend_below(figure, figure.axes[1])
     progress(0.5)
     mine, theirs = _toggled(opened, closed), theirs[shown:]
     same = np.array([_close(a, b) for a, b in zip(mine, theirs, strict=True)])

@@ -11,9 +11,11 @@ from scipy.ndimage import gaussian_filter
 
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from figures.plot import Style
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.curves import curve, curves, name_axes
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from figures.shared.turns import timed
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
@@ -262,33 +264,23 @@ def _draw(
     )
     figure = image_grid(title, [*eight, *means, *differences], 8, size, below)
     styles = {
-        "lines": (BLUE, "o"),
-        "lines, evenly": (VERMILLION, "s"),
-        "points": (BLACK, "^"),
-        "samples of the lens": (ORANGE, "D"),
+        "lines": Style(BLUE, "o"),
+        "lines, evenly": Style(VERMILLION, "s"),
+        "points": Style(BLACK, "^"),
+        "samples of the lens": Style(ORANGE, "D"),
     }
     left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (110, 1010))
-    for way, (color, marker) in styles.items():
-        style = {"color": color, "marker": marker, "ms": 4, "label": way}
-        left.plot(list(errors[way]), list(errors[way].values()), **style)
-        if way in bands:
-            right.plot(list(bands[way]), list(bands[way].values()), **style)
-    times, of_lens = list(at_equal_time), list(at_equal_time.values())
-    left.plot(times, of_lens, ":", color=GREEN, label="lens, at equal time")
+    curves(left, errors, styles, lw=1.5)
+    curves(right, bands, styles, lw=1.5)
+    curve(left, at_equal_time, Style(GREEN, "", ":"), lw=1.5, label="lens, at equal time")
     right.axhline(STEPS, color=GREY, lw=0.8)
-    left.set(title="RMS error, linear RGB", ylabel="RMS error")
-    right.set(title="Bands: errors in common, after a blur", ylabel="steps of 255")
-    for axes in (left, right):
-        axes.set(xscale="log", yscale="log", xlabel=f"lines ({SPP} samples per pixel each), or points")
-        ticks = list(errors["lines"])
-        axes.set_xticks(ticks, [str(n) for n in ticks])
-        axes.minorticks_off()
-        axes.set_xlim(0.9, max(ticks) * 1.1)
-        axes.grid(True)
-    for axes, ticks in (
-        (left, [0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2]),
-        (right, [0.2, 0.5, 1, 2, 5, 10, 20, 50, 100]),
+    ticks = list(errors["lines"])
+    for axes, y, title in (
+        (left, "RMS error", "RMS error, linear RGB"),
+        (right, "steps of 255", "Bands: errors in common, after a blur"),
     ):
-        axes.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        x = f"lines ({SPP} samples per pixel each), or points"
+        name_axes(axes, x, y, title, log="xy", ticks=ticks, few_decades=True)
+        axes.set_xlim(0.9, max(ticks) * 1.1)
     left.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     return figure

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, VERMILLION
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.plot import Style
+from figures.shared.sheets.curves import curve, name_axes
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from qmcjax import tracing
 
 COUNT = 8
@@ -216,16 +218,13 @@ def _draw(
     below = 400
     figure = image_grid(title, panels, 5, 256, below)
     left, right = (add_axes(figure, start, 70, 500, below - 130) for start in (130, 810))
-    label = "subtracted and added, float32"
-    left.loglog(list(drift), list(drift.values()), "o-", color=VERMILLION, ms=3, label=label)
+    look = {"ms": 3, "lw": 1.5}
+    curve(left, drift, Style(VERMILLION, "o"), label="subtracted and added, float32", **look)
     left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")
-    left.set(xlabel="frames", ylabel="largest difference")
-    left.set_title("Rounding errors of frames (ring buffer: none)")
-    right.loglog(list(errors), list(errors.values()), "o-", color=BLACK, ms=3, label="equally spaced times")
+    title = "Rounding errors of frames (ring buffer: none)"
+    name_axes(left, "frames", "largest difference", title, log="xy", legend="center left")
+    curve(right, errors, Style(BLACK, "o"), label="equally spaced times", **look)
     right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
-    right.set(xlabel="times per pixel", ylabel="RMS error", title="A thick line that moves")
-    right.set_xticks(list(errors), [str(n) for n in errors])
-    right.minorticks_off()
-    for axes in (left, right):
-        axes.legend(loc="center left", frameon=False)
+    title, ticks = "A thick line that moves", list(errors)
+    name_axes(right, "times per pixel", "RMS error", title, log="xy", ticks=ticks, legend="center left")
     return figure

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
-from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
+from figures.plot import Style
+from figures.shared.sheets.curves import curve, name_axes
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -221,20 +223,16 @@ def _drawn(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, 
     title = f"Irradiance below a still and a moving square, $2^{{{log}}}$ photons (thesis, Sect. 3.1.5)"
     figure = image_grid(title, panels, 3, 288, below=470)
     width = figure.get_size_inches()[0] * DPI
-    counts = [2**log for log in size.logs]
+    ticks = {2**log: f"$2^{{{log}}}$" for log in size.logs}
     for place, part in enumerate(("still", "moving")):
         axes = add_axes(figure, 90 + place * (width / 2 - 20), 80, width / 2 - 130, 330)
         for kind, color in KINDS.items():
-            errors = [of[part] for of in found[kind].values()]
-            axes.loglog(counts, errors, color=color, marker="o", ms=4, label=kind)
-        axes.set_title("still parts" if part == "still" else "where the shadow moves")
-        axes.set_xlabel("photons")
-        axes.set_xticks(counts, [f"$2^{{{log}}}$" for log in size.logs])
-        axes.set_yticks([0.05, 0.1, 0.2, 0.3], ["0.05", "0.1", "0.2", "0.3"])
+            errors = {count: of[part] for count, of in found[kind].items()}
+            curve(axes, errors, Style(color, "o"), lw=1.5, label=kind)
+        y, title = (
+            ("RMS error of the irradiance", "still parts") if not place else ("", "where the shadow moves")
+        )
+        legend = "" if place else "lower left"
+        name_axes(axes, "photons", y, title, log="xy", ticks=ticks, few_decades=True, legend=legend)
         axes.set_ylim(0.03, 0.4)
-        axes.minorticks_off()
-        axes.grid(alpha=0.3)
-        if part == "still":
-            axes.set_ylabel("RMS error of the irradiance")
-            axes.legend(frameon=False, loc="lower left")
     return figure

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
 
 import analysis
 from figures._errors import rms
-from figures.shared.sheets.image_grid import Panel, image_grid
+from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import scenes, sequences
 
 SIDE = 128

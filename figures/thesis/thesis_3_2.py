@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from figures.shared.sheets.curves import name_axes, titled
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 
@@ -39,8 +40,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw what one ray sees, and count the intervals of many."""
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
-    figure.suptitle("What a ray sees while the shutter is open (thesis Fig. 3.2)")
+    figure = titled("What a ray sees while the shutter is open (thesis Fig. 3.2)", 10, 4.2)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()
     there = np.arange(TRIANGLES)[:, None, None] < CANDIDATES
@@ -64,11 +64,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     axes.plot(kept, np.square(kept), color="0.6", ls="--", label="m^2")
     axes.plot(kept, most, ".", color="C1", label="largest number")
     axes.plot(kept, mean, "-", color="C0", label="mean number")
-    axes.set(ylim=(0, 1.3 * max(most)), xlabel="m, triangles that a ray hits at some time")
-    axes.set(ylabel="visible intervals of a ray")
+    x, y = "m, triangles that a ray hits at some time", "visible intervals of a ray"
+    name_axes(axes, x, y, legend="upper right", frameon=True)
+    axes.set_ylim(0, 1.3 * max(most))
     axes.yaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.grid(alpha=0.3)
-    axes.legend(loc="upper right")
     changes = [start for start, _, _ in spans[1:]]
     measured = {
         "intervals": [[start, end, number] for start, end, number in spans],

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from figures.plot import Style
+from figures.shared.sheets.curves import curve, name_axes, titled
 from figures.shared.turns import timed
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
@@ -172,35 +173,28 @@ def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array
 
 
 def _drawn(measured: Mapping[str, Any]) -> Figure:
-    figure = Figure(figsize=(10, 3.9), layout="constrained")
-    figure.suptitle(
-        "Where motion blurs, visibility computed in time has less error than samples (thesis, Sect. 3.2)"
+    figure = titled(
+        "Where motion blurs, visibility computed in time has less error than samples (thesis, Sect. 3.2)",
+        10,
+        3.9,
     )
     shown = {name: measured[name] for name in (BOX, ALL) if measured[name]}
     axes = figure.subplots(1, len(shown) + 1)
     for panel, (name, cases) in zip(axes, shown.items(), strict=False):
-        numbers = [int(k) for k in cases]
-        for key, marker, color in (("at equal samples", "s--", "C1"), ("at equal time", "o-", "C0")):
-            gain = [case[RATIO]["blurred part"][key] for case in cases.values()]
-            panel.loglog(numbers, gain, marker, color=color, label=f"ratio {key}", ms=4)
+        for key, look in (("at equal samples", Style("C1", "s", "--")), ("at equal time", Style("C0", "o"))):
+            gain = {k: case[RATIO]["blurred part"][key] for k, case in cases.items()}
+            curve(panel, gain, look, lw=1.5, label=f"ratio {key}")
         panel.axhline(1, color="k", lw=0.8)
         panel.axhline(ASKED, color="0.4", lw=0.8, ls=":", label=f"{ASKED:g} times")
         scene, _, what = name.partition(", by ")
-        panel.set(title=scene, xlabel=what.replace("their number", "triangles"), ylabel=RATIO)
-        _ticks(panel, numbers)
+        ticks = [int(k) for k in cases]
+        name_axes(panel, what.replace("their number", "triangles"), RATIO, scene, log="xy", ticks=ticks)
     cases = measured[ALL]
-    numbers = [int(n) for n in cases]
     for k, (name, color) in enumerate((("sampled", "C2"), ("analytic", "C3"))):
-        times = [case["microseconds a sample"][k] for case in cases.values()]
-        axes[-1].loglog(numbers, times, "o-", color=color, label=f"time, {name}", ms=4)
-    axes[-1].set(title="moving triangles", xlabel="triangles", ylabel="microseconds per sample")
-    _ticks(axes[-1], numbers)
+        times = {n: case["microseconds a sample"][k] for n, case in cases.items()}
+        curve(axes[-1], times, Style(color, "o"), lw=1.5, label=f"time, {name}")
+    x, y, ticks = "triangles", "microseconds per sample", [int(n) for n in cases]
+    name_axes(axes[-1], x, y, "moving triangles", log="xy", ticks=ticks)
     first, last = axes[0].get_legend_handles_labels(), axes[-1].get_legend_handles_labels()
     figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5)
     return figure
-
-
-def _ticks(axes: Axes, numbers: list[int]) -> None:
-    axes.set_xticks(numbers, [str(n) for n in numbers])
-    axes.minorticks_off()
-    axes.grid(alpha=0.3)

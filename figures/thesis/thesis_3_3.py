@@ -12,7 +12,7 @@ from figures._errors import rms
 from figures._rc import BLUE, GREY, VERMILLION
 from figures.shared.rendered import predicted_scene
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures._rc import BLACK, BLUE
+from figures.plot import Style
 from figures.shared.rendered import predicted_scene, scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.curves import curve, name_axes
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from qmcjax import samplers, sequences, tracing
 
 
@@ -185,22 +187,18 @@ def _drawn(
     )
     figure = image_grid(title, panels, 4, 240, below=430)
     width = figure.get_size_inches()[0] * DPI
-    samples = [int(n) for n in biases]
     left, right = (add_axes(figure, 90 + k * (width / 2 + 5), 70, width / 2 - 120, 330) for k in range(2))
     for kind, color in (("plain", BLACK), ("predicted", BLUE)):
-        values = [of["all"] for of in errors[kind].values()]
-        left.loglog(samples, values, color=color, marker="o", ms=4, label=f"error, {kind}")
-    values = [of["all"] or np.nan for of in biases.values()]
-    left.loglog(samples, values, color=BLUE, ls="--", marker="x", ms=4, label="bias, predicted")
-    for region, name in REGIONS.items():
-        values = [of[region] or np.nan for of in biases.values()]
-        right.loglog(samples, values, marker="o", ms=4, label=name)
+        values = {n: of["all"] for n, of in errors[kind].items()}
+        curve(left, values, Style(color, "o"), lw=1.5, label=f"error, {kind}")
+    values = {n: of["all"] or np.nan for n, of in biases.items()}
+    curve(left, values, Style(BLUE, "x", "--"), lw=1.5, label="bias, predicted")
+    for k, (region, name) in enumerate(REGIONS.items()):
+        values = {n: of[region] or np.nan for n, of in biases.items()}
+        curve(right, values, Style(f"C{k}", "o"), lw=1.5, label=name)
+    ticks = [int(n) for n in biases]
     for axes, what in ((left, "RMS of all pixels"), (right, "RMS bias by region")):
-        axes.set(xlabel="samples per pixel", ylabel=what)
-        axes.set_xticks(samples, [str(n) for n in samples])
-        axes.minorticks_off()
-        axes.grid(alpha=0.3)
+        name_axes(axes, "samples per pixel", what, log="xy", ticks=ticks, legend="lower left", ncols=2)
         low, high = axes.get_ylim()
         axes.set_ylim(low / 3, high)
-        axes.legend(frameon=False, loc="lower left", ncols=2)
     return figure

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import analysis
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared.sheets.image_grid import Panel, image_grid
+from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import samplers, scenes, sequences
 
 KEY = 1

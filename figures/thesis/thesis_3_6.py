@@ -17,7 +17,7 @@ from figures._errors import rms
 from figures.shared.rendered import predicted_scene
 from figures.shared.rendered.diffusion import shown
 from figures.shared.rendered.predicted_scene import CAMERA
-from figures.shared.sheets.image_grid import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures.shared.rendered import diffusion, scene_images
-from figures.shared.sheets.image_grid import Panel, image_grid
+from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 

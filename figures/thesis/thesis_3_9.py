@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from figures import plot
 from figures._rc import BLACK, BLUE, VERMILLION
 from figures.shared.rendered import scene_images
-from figures.shared.sheets.image_grid import DPI, GAP, LINE, add_axes
+from figures.shared.sheets.curves import name_axes
+from figures.shared.sheets.image_sheets import DPI, GAP, LINE, add_axes
 from qmcjax import samplers, sequences, tracing
 
 COUNT = 8
@@ -195,10 +196,8 @@ def _draw(
     axes.plot(middle, density["evenly"], "o-", color=VERMILLION, ms=3, label="evenly")
     axes.plot(middle, density["sqrt"], "s-", color=BLUE, ms=3, label="sqrt")
     axes.axhline(1, color=BLACK, lw=0.6)
-    axes.set(xlabel="radius on the lens", yscale="log", xlim=(0, 1), ylim=(0.4, 12))
-    axes.set_yticks([0.5, 1, 2, 4, 8], ["0.5", "1", "2", "4", "8"])
-    axes.minorticks_off()
-    axes.legend(frameon=False)
+    name_axes(axes, "radius on the lens", log="y", few_decades=True, legend="best")
+    axes.set(xlim=(0, 1), ylim=(0.4, 12))
     axes.set_title(f"density over a disc's,\n{many} lines", fontsize=8, pad=4)
 
     white = 3 * float(pictures["a disc, exact"].max())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis import trees
 from figures.shared.meshes import mesh_models
 from figures.shared.meshes.traversal import Rays, traced
-from figures.shared.sheets.image_grid import Panel, image_grid
+from figures.shared.sheets.image_sheets import Panel, image_grid
 
 SIDE = {"draft": 48, "paper": 288}
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLUE, ORANGE
+from figures.shared.sheets.curves import titled
 
 KEYS = {"draft": 40, "paper": 400}
 """Random pairs of first means."""
@@ -110,11 +111,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     slant, side = found["4.2"], found["4.3"]
     split = slant["heuristic"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
-    figure = Figure(figsize=(10.2, 6.4), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Clusters of two means and their boxes (thesis Fig. 4.2 and 4.3)\n"
         "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
         "part of the smaller box",
+        10.2,
+        6.4,
         fontsize=11,
     )
     panels = figure.subplots(2, 3)

@@ -31,7 +31,6 @@ def screen(sampler: samplers.Sampler, count: int) -> list[NDArray[np.float64]]:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw four instances over 8 x 8 pixels, and all of them together."""
-    del quality, progress
     net = sequences.larcher_pillichshammer_net(6)
     sampler = samplers.padded_replications(net, SIDE, SIDE, offsets=0)
     instances = screen(sampler, INSTANCES)

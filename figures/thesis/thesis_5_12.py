@@ -16,7 +16,6 @@ FRAMES = 4
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw four frames of 8 x 8 pixels, and all of them together."""
-    del quality, progress
     sampler = samplers.full_screen(sequences.sobol(2), SIDE, SIDE)
     frames = screen(sampler, FRAMES)
     together = np.concatenate(frames)

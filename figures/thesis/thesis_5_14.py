@@ -43,7 +43,6 @@ def wrapped(points: NDArray[np.int64]) -> NDArray[np.int64]:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the point sets for m = 1, 3, 5, 7, 9, and the last one wrapped."""
-    del quality, progress
     figure, axes = point_plots.panels(
         6, f"Iterative construction of the (0,{M},2)-permutation net (thesis Fig. 5.14)", columns=3
     )

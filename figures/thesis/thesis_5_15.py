@@ -24,7 +24,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the six shapes of elementary intervals for m = 5, by case of the proof."""
-    del quality, progress
     n, half = 2**M, M // 2
     points = point_plots.words(sequences.permutation_net(M), M)
     figure, axes = point_plots.panels(6, "Cases in the proof for m = 5 (thesis Fig. 5.15)", columns=3)

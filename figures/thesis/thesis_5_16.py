@@ -14,7 +14,6 @@ PRINTED = {3: 8, 5: 32, 7: 128, 4: 13, 6: 53, 8: 241}
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the nets that the thesis draws."""
-    del quality, progress
     figure, axes = point_plots.panels(
         6, "Permutation nets for odd and even m (thesis Fig. 5.13 and 5.16)", columns=3
     )

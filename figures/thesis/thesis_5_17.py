@@ -35,7 +35,6 @@ def unwrapped(m: int) -> NDArray[np.int64]:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the point sets for m = 4, 6, 8, and the last one wrapped."""
-    del quality, progress
     figure, axes = point_plots.panels(
         4, f"Iterative construction of the (0,{M},2)-permutation net (thesis Fig. 5.17)"
     )

@@ -13,7 +13,6 @@ M = 4
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a (0,4,2)-net over every kind of elementary interval."""
-    del quality, progress
     points = point_plots.block(sequences.larcher_pillichshammer_net(M), 2**M)
     figure, axes = point_plots.panels(
         M + 1, "All kinds of elementary intervals of area 1/16, and a (0,4,2)-net"

@@ -15,7 +15,6 @@ M, TILES = 6, 4
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the sheared tiling, and the same points as pixels with wrapped copies of one pattern."""
-    del quality, progress
     side = 2**M
     net = point_plots.words(sequences.permutation_net(M), M)
     index = jnp.arange(side, dtype=jnp.uint32)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
+from figures.shared.sheets.curves import curve, name_axes, titled
 from qmcjax import sequences
 
 PRINTED = {
@@ -56,7 +57,6 @@ def _squared(name: str, m: int, sheared: bool) -> int:
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the nets and plot the distances over m, with the table below."""
-    del quality  # Exact, and quick at full size.
     measured: dict[str, list[int]] = {name: [] for name in (*NETS, "permutation, not sheared")}
     for m in SIZES:
         for name in NETS:
@@ -65,22 +65,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress((m - 1) / len(SIZES))
 
     relative = {name: _relative(values) for name, values in measured.items()}
-    figure = Figure(figsize=(13, 9), layout="constrained")
-    figure.suptitle("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)")
+    figure = titled("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)", 13, 9)
     upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
     absolute, packed = upper.subplots(1, 2)
     for name, values in measured.items():
         drawn = STYLES.get(name) or plot.style(name)
-        look = {"ls": drawn.line, "marker": drawn.marker, "ms": 5, "lw": 1.2, "color": drawn.color}
-        absolute.plot(SIZES, np.sqrt(values) / 2.0 ** np.array(SIZES), label=name, **look)
-        packed.plot(SIZES, relative[name], label=name, **look)
-    absolute.set(yscale="log", ylabel="toroidal minimum distance on the unit square")
-    packed.set(ylim=(0, 1.04), ylabel="minimum distance / that of the densest packing")
+        for axes, of in ((absolute, np.sqrt(values) / 2.0 ** np.array(SIZES)), (packed, relative[name])):
+            curve(axes, dict(zip(SIZES, of, strict=True)), drawn, ms=5, lw=1.2, label=name)
+    x = "m (the net has $2^m$ points)"
+    name_axes(absolute, x, "toroidal minimum distance on the unit square", log="y", ticks=SIZES)
+    name_axes(packed, x, "minimum distance / that of the densest packing", ticks=SIZES)
+    packed.set_ylim(0, 1.04)
     packed.axhline(1, color="0.6", lw=0.8)
     packed.annotate("hexagonal lattice", (SIZES[-1], 1), va="bottom", ha="right", fontsize=8, color="0.4")
-    for axes in (absolute, packed):
-        axes.set(xlabel="m (the net has $2^m$ points)", xticks=SIZES)
-        axes.grid(alpha=0.3)
     upper.legend(*absolute.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
     _draw_table(lower.subplots(), measured)
     misprints = _misprints()

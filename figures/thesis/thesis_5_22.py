@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.image_grid import Panel, image_grid
+from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import sequences
 
 NETS = {
@@ -24,7 +24,6 @@ SHARE = "share of power in the strongest 1 % of frequencies"
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the spectra, and measure how much of their power is in how few frequencies."""
-    del quality  # Exact, and quick at full size.
     measured: dict[str, dict[str, float]] = {}
     panels = []
     for k, (name, (net, m)) in enumerate(NETS.items()):

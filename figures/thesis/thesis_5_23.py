@@ -17,7 +17,6 @@ M, KEYS = 6, 4
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Scramble the (0,6,2)-permutation net with four keys."""
-    del quality, progress
     net = sequences.permutation_net(M)
     unscrambled = point_plots.block(net, 2**M)
     scrambled = {f"key {key}": point_plots.block(sequences.owen_exact(net, key), 2**M) for key in range(KEYS)}

@@ -14,7 +14,6 @@ M, BLOCKS = 6, 4
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw four blocks of 64 points, and all of them together."""
-    del quality, progress
     seq = sequences.sobol(2)
     blocks = [point_plots.block(seq, 2**M, k * 2**M) for k in range(BLOCKS)]
     # In the middle of the cells of all points.

@@ -15,7 +15,6 @@ PLANES = ((0, 1), (0, 2), (1, 2))
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the three projections of each net."""
-    del quality, progress
     figure, axes = point_plots.panels(
         12,
         "Permutation nets in three dimensions, $P_2$ to $P_5$, in the three planes (thesis Sect. 5.3.2)",

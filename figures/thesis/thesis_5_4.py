@@ -13,7 +13,8 @@ from figures._errors import rms
 from figures.making.schema import Found
 from figures.shared import judged
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.image_grid import GAP, Panel, add_axes, image_grid
+from figures.shared.sheets.curves import name_axes
+from figures.shared.sheets.image_sheets import GAP, Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, 16), "paper": (256, 64)}
@@ -95,10 +96,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for k, (way, of) in enumerate((way, filtered[way]) for way in (ALONG, OVER)):
         axes = add_axes(figure, 140, 420 - 350 * k, 2 * WIDTH - 140, 240)
         for name, errors in of.items():
-            axes.semilogy(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
-        axes.set(xlabel="component of the light", ylabel="filtered error")
+            axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
+        name_axes(axes, "component of the light", "filtered error", log="y")
         axes.set_title(f"{way}, {spp} spp", loc="left")
-        axes.grid(alpha=0.3)
         if k == 1:  # where the title leaves room
             axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
     ones, chosen = (float(np.mean(t)) for t in t_values.values())

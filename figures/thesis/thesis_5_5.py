@@ -11,6 +11,7 @@ import analysis
 from figures import plot
 from figures._errors import residual
 from figures.shared.sheets import point_plots
+from figures.shared.sheets.curves import curve, name_axes, titled
 from qmcjax import sequences
 
 NETS = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
@@ -29,11 +30,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
-    figure = Figure(figsize=(8, 5), layout="constrained")
-    axes = figure.subplots()
-    draw_distances(axes, sizes, distances, STYLES)
-    axes.set_title("(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)")
-    axes.legend(frameon=False)
+    title = "(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)"
+    figure = titled(title, 8, 5, fontsize=9)
+    draw_distances(figure.subplots(), sizes, distances, STYLES)
     not_ahead = [m for m, a, b in zip(sizes, *squared.values(), strict=True) if b <= a]
     roughness = {name: residual(np.log(values)) for name, values in distances.items()}
     plain, modified = roughness.values()
@@ -69,7 +68,6 @@ def draw_distances(
 ) -> None:
     """Draw the distances of nets of 2**m points over m."""
     for name, values in distances.items():
-        axes.semilogy(sizes, values, marker=styles[name].marker, color=styles[name].color, label=name)
-    axes.set(xlabel="m (the net has $2^m$ points)", ylabel="toroidal minimum distance in the unit cube")
-    axes.set_xticks(sizes)
-    axes.grid(alpha=0.3)
+        curve(axes, dict(zip(sizes, values, strict=True)), styles[name], ls="-", ms=6, lw=1.5, label=name)
+    x, y = "m (the net has $2^m$ points)", "toroidal minimum distance in the unit cube"
+    name_axes(axes, x, y, log="y", ticks=sizes, legend="best")

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.shared.sheets import point_plots
+from figures.shared.sheets.curves import titled
 from qmcjax import sequences
 
 ORDER, M = 16, 7
@@ -45,9 +46,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     found = analysis.search_matrices({M: TARGET}, dims=2, seed=SEED, steps=STEPS)
     pairs["searched, order 7 (Fig. 5.6)"] = (found.matrices[0].astype(int), found.matrices[1].astype(int))
 
-    figure = Figure(figsize=(16, 8.6), layout="constrained")
-    figure.suptitle(
-        "Matrices of (0,2)-sequences, zeros dark, U all ones, and 128 points (thesis Fig. 5.6 to 5.8)"
+    figure = titled(
+        "Matrices of (0,2)-sequences, zeros dark, U all ones, and 128 points (thesis Fig. 5.6 to 5.8)",
+        16,
+        8.6,
     )
     axes = figure.subplots(3, len(pairs))
     measured: dict[str, dict] = {}

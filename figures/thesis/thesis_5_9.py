@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures.shared.sheets.curves import titled
 from figures.thesis.thesis_5_5 import PRINTED, STYLES, draw_distances
 from figures.thesis.thesis_5_7 import draw_matrix
 from qmcjax import sequences
@@ -41,8 +42,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
-    figure = Figure(figsize=(13, 6), layout="constrained")
-    figure.suptitle("(0,m,3)-nets from searched (0,2)-sequence matrices (thesis Fig. 5.9)")
+    figure = titled("(0,m,3)-nets from searched (0,2)-sequence matrices (thesis Fig. 5.9)", 13, 6)
     layout = figure.subplot_mosaic("abddd;efddd")
     pairs = {
         "searched net": _matrices(sequences.optimized_net_3d(M)),

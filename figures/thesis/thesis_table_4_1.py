@@ -8,6 +8,7 @@ from math import comb, factorial
 from matplotlib.figure import Figure
 
 from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
 
 LEAVES = tuple(range(1, 10))
 LARGEST = {"draft": 7, "paper": 9}
@@ -56,8 +57,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for m in LEAVES
         ),
     }
-    figure = Figure(figsize=(10.5, 2.6), layout="constrained")
-    figure.suptitle("Binary trees over m leaves, by enumeration (thesis Table 4.1)", fontsize=11)
+    figure = titled("Binary trees over m leaves, by enumeration (thesis Table 4.1)", 10.5, 2.6, fontsize=11)
     rows = [
         [name, *(str(of[m - 1]) for m in LEAVES)]
         for name, of in (

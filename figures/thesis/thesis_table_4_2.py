@@ -11,6 +11,7 @@ from analysis import trees
 from figures.shared.meshes import mesh_models
 from figures.shared.meshes.traversal import Rays, bounced, leaf_depths, traced
 from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
 from figures.shared.turns import timed
 
 SIZE = {"draft": "draft", "paper": "large"}
@@ -165,9 +166,10 @@ def _area(value: float) -> str:
 
 
 def _draw(measured: dict[str, dict[str, Any]]) -> Figure:
-    figure = Figure(figsize=(13.4, 4.4), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Trees before and after one optimisation of subtrees: our meshes, and the thesis's (Table 4.2)",
+        13.4,
+        4.4,
         fontsize=11,
     )
     two = "{:.2f}".format

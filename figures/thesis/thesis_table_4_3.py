@@ -11,6 +11,7 @@ from analysis import trees
 from figures.shared.meshes import mesh_models
 from figures.shared.meshes.traversal import Rays, leaf_depths, traced
 from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
 from figures.shared.turns import timed
 
 SIZE = {"draft": "draft", "paper": "large"}
@@ -118,8 +119,9 @@ def _until_nothing_changes(tree: trees.Tree) -> list[float]:
 
 
 def _draw(measured: dict[str, dict[str, Any]]) -> Figure:
-    figure = Figure(figsize=(12.0, 3.9), layout="constrained")
-    figure.suptitle("Several optimisations of subtrees, one after the other (thesis Table 4.3)", fontsize=11)
+    figure = titled(
+        "Several optimisations of subtrees, one after the other (thesis Table 4.3)", 12.0, 3.9, fontsize=11
+    )
     reduced = [f"{r:.2f} %" for r in PRINTED["reduction in percent"]]
     depth = [f"{PRINTED['mean leaf depth'][k]:.2f}" for k in (0, 1, 2, 4)]
     rows = [["thesis: power plant, 10 levels", "13.63e12", *reduced, *depth, *["–"] * 4]]

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import judged
-from figures.shared.rendered import diffusion, published_keys, scene_images, traced_images
+from figures.shared.rendered import diffusion, published_keys, scene_images
 from figures.shared.rendered.z_renderings import EFFECTS, make_samplers
+from figures.shared.sheets.image_sheets import magnified, magnified_sheet
 from qmcjax import scenes
 
 SIDE = {"draft": 32, "paper": 128}
@@ -60,7 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         exact, area = _exact(title, scene, side, quality)
         of_small, area_of_small = (exact, area) if small == side else _exact(title, scene, small, quality)
         origins += f"The reference of {title} is {exact.origin}. "
-        panels.append(traced_images.Panel(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
+        panels.append(magnified(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
         handed_out.setdefault("reference", []).append(exact.image)
         found, images = over_keys.setdefault(title, {}), {}
         by_key = [make_samplers(scene.needs, small, SPP, key) for key in range(keys)]
@@ -71,7 +72,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         for name, made in make_samplers(scene.needs, side, SPP, 0).items():
             image = images[name][0] if small == side else scene_images.image(scene, made, side, SPP)
             error = diffusion.measures(image, exact, area)["filtered error"]
-            panels.append(traced_images.Panel(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
+            panels.append(magnified(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
             handed_out.setdefault(name, []).append(image)
         progress(done / len(compared))
     bounces = BOUNCES[quality]
@@ -81,7 +82,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
         "of the key that is shown; ranked keys: ours, after Heitz et al."
     )
-    figure = traced_images.sheet(panels, len(handed_out), title, SHOWN, below=True)
+    figure = magnified_sheet(title, panels, len(handed_out), SHOWN, below=True)
     afar = {
         title: {name: [of["filtered error"] for of in keys] for name, keys in found.items()}
         for title, found in over_keys.items()

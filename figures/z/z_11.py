@@ -12,6 +12,7 @@ from figures.making import heitz
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, published_keys, z_renderings
+from figures.shared.sheets.curves import titled
 from figures.z.z_1 import ways
 from qmcjax import samplers, scenes
 
@@ -53,10 +54,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "interior": scenes.interior(BOUNCES[quality]),
         "caustic": scenes.caustic(),
     }
-    figure = Figure(figsize=(11, 8.5), layout="constrained")
-    figure.suptitle(
+    figure = titled(
         "Convergence on rendered scenes (Z paper, Fig. 11)\n"
-        f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al."
+        f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al.",
+        11,
+        8.5,
     )
     errors: Errors = {}
     origins = ""

@@ -14,7 +14,7 @@ from figures._errors import rms
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, scene_images
-from figures.shared.sheets.image_grid import Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = {"draft": 32, "paper": 64}

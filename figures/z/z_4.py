@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, SKY
 from figures.shared.sheets.curve_tables import Curve, curve_of
+from figures.shared.sheets.curves import titled
 from qmcjax import orders
 
 SHOWN, CUT, COUNTED = 16, 8, 256
@@ -34,9 +35,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both orders, and the strips that the cuts make of a square."""
-    del quality, progress  # Exact, and quick.
-    figure = Figure(figsize=(15, 9.9), layout="constrained")
-    figure.suptitle("Morton and accordion order (Z paper, Fig. 4)")
+    figure = titled("Morton and accordion order (Z paper, Fig. 4)", 15, 9.9)
     grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
     panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
     _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
+from figures.shared.sheets.curves import titled
 from figures.z.z_2 import write
 from qmcjax import orders
 
@@ -33,14 +34,14 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the names and values of the permutations, and the order that they make."""
-    del quality, progress
     code = curve_of(orders.morton(SIDE, SIDE)).positions
     scrambled = curve_of(orders.scrambled_morton(SIDE, SIDE, KEY)).positions
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 
-    figure = Figure(figsize=(12, 6.2), layout="constrained")
-    figure.suptitle("Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)")
+    figure = titled(
+        "Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)", 12, 6.2
+    )
     panels = figure.subplots(1, 2)
     _draw_tree(panels[0], permutations)
     texts = np.vectorize(lambda i: np.base_repr(i, 4).zfill(LEVELS))(scrambled)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
+from figures.shared.sheets.curves import titled
 from figures.z.z_5 import Node, draw_nodes, pi_of
 from qmcjax import orders, samplers
 
@@ -50,10 +51,8 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both trees, and check that positions follow letters."""
-    del quality, progress
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
-    figure = Figure(figsize=(11, 6), layout="constrained")
-    figure.suptitle("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)")
+    figure = titled("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)", 11, 6)
     left, right = figure.subplots(1, 2)
     _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: pi_of(prefix))
     _draw(right, "(b) nodes of the tree that begins with A", rules, lambda _, letter: letter)

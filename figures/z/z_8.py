@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
-from figures.shared.sheets.image_grid import DPI, add_axes
+from figures.shared.sheets.curves import name_axes
+from figures.shared.sheets.image_sheets import DPI, add_axes
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 
@@ -40,7 +41,6 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show the first sample of each pixel, the second, and the average of both."""
-    del progress
     sampler = samplers.full_screen(sequences.sobol(max(COMPARED) + 1), SIDE, SIDE)
     first, second = (_values(sampler, sample) for sample in range(2))
     measured: dict[str, Any] = {
@@ -114,15 +114,8 @@ def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
         ends[text] = rate[-1]
     for text, end in ends.items():
         axes.annotate(text, (counts[-1], end), (4, 0), textcoords="offset points", va="center", fontsize=8)
-    axes.set_xscale("log", base=2)
-    axes.set_yscale("log")
-    axes.set_xticks(counts, [str(count) for count in counts])
-    axes.set(
-        xlabel="samples per pixel",
-        ylabel="RMS error",
-        title=f"in grey: dimensions {COMPARED[0]} to {COMPARED[-1]} but {DIM}",
-    )
-    axes.grid(alpha=0.3)
+    title = f"in grey: dimensions {COMPARED[0]} to {COMPARED[-1]} but {DIM}"
+    name_axes(axes, "samples per pixel", "RMS error", title, log="xy", ticks=counts.tolist())
 
 
 def _values(sampler: samplers.Sampler, sample: int) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import published_keys, scene_images, traced_images
 from figures.shared.rendered.z_renderings import SPP, make_samplers
+from figures.shared.sheets.image_sheets import magnified, magnified_sheet
 from qmcjax import scenes
 
 CROP = (0.2, 0.6, 0.25)
@@ -44,13 +45,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     """Render the occluder, and measure errors and their spectra; hand the images out."""
     side, small, keys, scene = SIDE[quality], JUDGED_SIDE[quality], KEYS[quality], scenes.occluder()
     exact = traced_images.reference("occluder", side, REPLICATE[quality])
-    panels = [traced_images.Panel("occluder\nreference", exact.image, CROP)]
+    images = {"reference": exact.image}
+    panels = [magnified("occluder\nreference", exact.image, CROP)]
     measured: dict[str, dict[str, float]] = {}
     for name, sampler in make_samplers(scene.needs, side).items():
-        image = scene_images.image(scene, sampler, side, SPP)
+        image = images[name] = scene_images.image(scene, sampler, side, SPP)
         measured[name] = _measures(image, exact)
         caption = f"{name}\nfiltered error {measured[name]['filtered error']:.4f}"
-        panels.append(traced_images.Panel(caption, image, CROP))
+        panels.append(magnified(caption, image, CROP))
     progress(0.2)
     over_keys = {}
     of_small = traced_images.reference("occluder", small, REPLICATE[quality])
@@ -84,8 +86,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         "claims": _claims(over_keys),
         "note": note,
     }
-    images = dict(zip(("reference", *measured), (panel.image for panel in panels), strict=True))
-    return traced_images.sheet(panels, len(panels), title, 256, below=True), numbers, images
+    return magnified_sheet(title, panels, len(panels), 256, below=True), numbers, images
 
 
 def _measures(image: NDArray, exact: traced_images.Reference) -> dict[str, float]:

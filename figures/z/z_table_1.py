@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 import qmcjax as qj
 from figures import plot
 from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
 from figures.shared.turns import in_turns
 from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
@@ -155,8 +156,7 @@ def _within(ratios: dict[str, float]) -> dict[str, bool]:
 
 
 def _draw(images: dict[str, dict[str, float]], rates: dict[str, float], size: str) -> Figure:
-    figure = Figure(figsize=(12.5, 4.9), layout="constrained")
-    figure.suptitle("Run times of images by sampler (Z paper, Table 1)", fontsize=11)
+    figure = titled("Run times of images by sampler (Z paper, Table 1)", 12.5, 4.9, fontsize=11)
     table, dots = figure.subplots(1, 2, width_ratios=(2.5, 1))
     _draw_table(table, images, size)
     _draw_rates(dots, rates)

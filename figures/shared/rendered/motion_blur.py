@@ -15,6 +15,7 @@ from figures._errors import fluctuation, slope
 from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images, traced_images
+from figures.shared.sheets.image_sheets import magnified, magnified_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -98,7 +99,7 @@ def pictures(
     side = sizes[-1]
     scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
     progress(0.3)
-    panels = [traced_images.Panel("reference", exact.image, crop)]
+    panels = [magnified("reference", exact.image, crop)]
     images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
     for size in sizes:
         compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
@@ -114,11 +115,9 @@ def pictures(
     for sampler in COMPARED:
         errors[sampler] = traced_images.rms_error(images[sampler], exact)
         waves[sampler] = _strongest_wave(images[sampler], exact)
-        panels.append(
-            traced_images.Panel(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop)
-        )
+        panels.append(magnified(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
     title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
-    figure = traced_images.sheet(panels, 3, title, 192 if quality == "draft" else 256)
+    figure = magnified_sheet(title, panels, 3, 192 if quality == "draft" else 256)
     numbers = {
         "measured": {
             "rms_error": errors,

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from jax import Array
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 import qmcjax as qj
@@ -17,7 +16,7 @@ from figures._errors import residual, rms, slope
 from figures.making import finished_cells
 from figures.making.schema import Claims
 from figures.shared.rendered import pixel_sets
-from figures.shared.sheets.image_grid import DPI, add_axes
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from qmcjax import samplers, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
@@ -132,32 +131,19 @@ def _line(error: np.ndarray) -> float:
     return float(np.max(rows[: len(around)] / around))
 
 
-def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area) -> Figure:
-    """Lay images out so that one image pixel is one pixel of the PNG, and whole ones in the magnification.
-
-    The magnified areas have the contrast that shows the errors of all of them.
-    """
+def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area: Any) -> Figure:
+    """Lay images out above their magnified areas, in the contrast that shows the errors of all of them."""
     exact, *others = (image[area] for image in images.values())
     margin = 3 * max(rms(image - exact) for image in others)
     limits = max(0.0, float(exact.min()) - margin), min(1.0, float(exact.max()) + margin)
-    side = next(iter(images.values())).shape[0]
-    large = side / 256  # Wide sheets are shown smaller.
-    gap, top = 12, round(100 * large)
-    width, height = len(images) * (side + gap) + gap, 2 * (side + gap) + gap + top
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    title += f"; magnified: black is {limits[0]:.2g}, white {limits[1]:.2g}"
-    figure.suptitle(title, y=1 - 14 / height, fontsize=9 * large)
     rows, columns = area
-    for k, (name, image) in enumerate(images.items()):
-        for row, (shown, shades) in enumerate(((image, (0.0, 1.0)), (image[area], limits))):
-            x, y = gap + k * (side + gap), gap + (1 - row) * (side + gap)
-            axes = plot.place(figure, shown, x, y, side // len(shown), limits=shades)
-            if row == 0:
-                axes.set_title(captions.get(name, name), fontsize=8 * large, pad=3)
-                corner = columns.start - 0.5, rows.start - 0.5
-                size = columns.stop - columns.start, rows.stop - rows.start
-                axes.add_patch(Rectangle(corner, *size, fill=False, color="tab:red", lw=0.8))
-    return figure
+    marked = columns.start, rows.start, columns.stop - columns.start
+    panels = [Panel(captions.get(name, name), image, marked=marked) for name, image in images.items()]
+    panels += [Panel("", image[area], limits) for image in images.values()]
+    title += f"; magnified: black is {limits[0]:.2g}, white {limits[1]:.2g}"
+    side = len(panels[0].image)
+    # Wide sheets are shown smaller.
+    return image_grid(title, panels, len(images), side, text=side / 256)
 
 
 def convergence(

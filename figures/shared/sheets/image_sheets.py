@@ -1,24 +1,72 @@
-"""Sheets of images: rows of squares at whole zoom below the heads of their columns, with keys of shades."""
+"""Sheets of images: each at whole zoom with its caption, labels of rows, keys of shades, room for curves."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from figures import plot
 from figures._errors import rms
-from figures.shared.sheets.image_grid import DPI, add_axes
 
-MARGIN, GAP, TOP, CAPTION, KEY = 40, 12, 64, 22, 96
-"""Pixels: left of all, between images, above them, for a caption, and right of all for keys of shades."""
-LINE = 20
-"""Of a title after its first, in pixels."""
+DPI = 150
+GAP, LINE = 14, 21
+"""Pixels between images, and of a line of text."""
+
+LABEL, KEY = 40, 96
+"""Pixels left of rows that have labels, and right of those that have keys of shades."""
 
 DECADES = (-2.0, 2.0)
 """Powers of ten of a spectrum that are black and white."""
+
+
+class Panel(NamedTuple):
+    caption: str
+    image: NDArray
+    limits: tuple[float, float] = (0.0, 1.0)
+    """Values that are black and white."""
+    transfer: str = "linear"
+    """As of `plot.image`."""
+    marked: tuple[int, int, int] | None = None
+    """Left and upper edge and side of an area, in pixels of the image."""
+
+
+def image_grid(
+    title: str, panels: Sequence[Panel], columns: int, size: int, below: int = 0, text: float = 1.0
+) -> Figure:
+    """Draw images up to ``size`` pixels wide, and leave ``below`` pixels free under them.
+
+    Each pixel of an image is a whole number of the picture's: anything else would add patterns. ``text``
+    enlarges captions and title, of sheets that are shown smaller.
+    """
+    rows = [list(panels[k : k + columns]) for k in range(0, len(panels), columns)]
+    figure, _ = _sheet(title, rows, size, GAP, [0] * len(rows), below, text)
+    return figure
+
+
+def magnified(caption: str, image: NDArray, crop: tuple[float, float, float]) -> list[Panel]:
+    """Return a picture, and an area of it to be magnified: left and upper edge and side in parts of it."""
+    left, upper, part = (round(c * len(image)) for c in crop)
+    area = image[upper : upper + part, left : left + part]
+    return [
+        Panel(caption, image, transfer="srgb", marked=(left, upper, part)),
+        Panel("", area, transfer="srgb"),
+    ]
+
+
+def magnified_sheet(
+    title: str, pairs: Sequence[Sequence[Panel]], columns: int, size: int, below: bool = False
+) -> Figure:
+    """Draw images with their magnified areas on their right, or below, both up to ``size`` pixels a side."""
+    if not below:
+        return image_grid(title, [panel for pair in pairs for panel in pair], 2 * columns, size)
+    rows = [pairs[k : k + columns] for k in range(0, len(pairs), columns)]
+    return image_grid(
+        title, [panel for row in rows for each in zip(*row, strict=True) for panel in each], columns, size
+    )
 
 
 class Shades(NamedTuple):
@@ -33,73 +81,101 @@ class Row(NamedTuple):
 
     images: Mapping[str, NDArray]
     limits: tuple[float, float] = (0.0, 1.0)
-    """Values that are black and white."""
     shades: Shades | None = None
     captions: Mapping[str, str] = {}
     """Above the images, by column."""
     marked: tuple[int, int, int] | None = None
-    """Left and upper edge and side of an area, in pixels."""
 
 
 def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure:
-    """Show rows of images by their labels, each up to ``panel`` pixels wide.
-
-    Each pixel of an image is a whole number of the picture's: anything else would add patterns.
-    """
+    """Show rows of images by their labels, each up to ``panel`` pixels wide, below the names of columns."""
     heads = list(dict.fromkeys(name for row in rows.values() for name in row.images))
-    used = {label: 1 + max(map(heads.index, row.images)) for label, row in rows.items()}
-    width = max(MARGIN + used[label] * (panel + GAP) + KEY * bool(row.shades) for label, row in rows.items())
-    sizes = {
-        label: max(panel // len(image) * len(image) for image in row.images.values())
-        for label, row in rows.items()
-    }
-    above = TOP + LINE * title.count("\n")
-    height = above + sum(sizes[label] + GAP + CAPTION * bool(row.captions) for label, row in rows.items())
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(title, y=1 - 12 / height, fontsize=9)
-    top = height - above
-    for label, row in rows.items():
-        if row.captions:
-            top -= CAPTION
-        x, y = (MARGIN - 8) / width, (top - sizes[label] / 2) / height
+    named: set[str] = set()
+    table: list[list[Panel | None]] = []
+    for row in rows.values():
+        cells: list[Panel | None] = []
+        for name in heads[: 1 + max(map(heads.index, row.images))]:
+            lines = [name] * (name in row.images and name not in named) + [row.captions.get(name, "")]
+            named |= row.images.keys() & {name}
+            caption = "\n".join(filter(None, lines))
+            image = row.images.get(name)
+            cells.append(None if image is None else Panel(caption, image, row.limits, marked=row.marked))
+        table.append(cells)
+    keys = [KEY * bool(row.shades) for row in rows.values()]
+    figure, places = _sheet(title, table, panel, LABEL, keys)
+    width, height = figure.get_size_inches() * DPI
+    for (label, row), (right, bottom, size) in zip(rows.items(), places, strict=True):
+        x, y = (LABEL - 8) / width, (bottom + size / 2) / height
         figure.text(x, y, label, rotation="vertical", ha="right", va="center", fontsize=8)
-        for column, name in enumerate(heads):
-            if name in row.images:
-                left = MARGIN + column * (panel + GAP)
-                _draw(figure, row, name, left, top, panel)
         if row.shades:
-            _key(figure, row, MARGIN + used[label] * (panel + GAP), top - sizes[label], sizes[label])
-        top -= sizes[label] + GAP
-    for column, name in enumerate(heads):
-        x = MARGIN + column * (panel + GAP) + panel / 2
-        figure.text(x / width, (height - above + 6) / height, name, ha="center", va="bottom", fontsize=8)
+            _draw_key(add_axes(figure, right, bottom, 14, size), row.limits, row.shades)
     return figure
 
 
-def _draw(figure: Figure, row: Row, name: str, left: int, top: int, panel: int) -> None:
-    image = row.images[name]
-    zoom = panel // len(image)
-    size = zoom * len(image)
-    axes = plot.place(figure, image, left + (panel - size) // 2, top - size, zoom, limits=row.limits)
-    if name in row.captions:
-        axes.set_title(row.captions[name], fontsize=8, pad=3)
-    if row.marked:
-        x, y, side = row.marked
-        axes.add_patch(Rectangle((x - 0.5, y - 0.5), side, side, fill=False, color="tab:red", lw=1))
+def _sheet(
+    title: str,
+    rows: Sequence[Sequence[Panel | None]],
+    size: int,
+    left: int,
+    right: Sequence[int],
+    below: int = 0,
+    text: float = 1.0,
+) -> tuple[Figure, list[tuple[int, int, int]]]:
+    """Draw rows of images with room at their right; return right, bottom and height of each."""
+    line, top = round(LINE * text), round(22 * text * (title.count("\n") + 2))
+    heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
+    heads = [line * count + 8 * bool(count) for count in heads]
+    sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
+    cell = max(sides) + GAP
+    width = left + max(len(row) * cell + beside for row, beside in zip(rows, right, strict=True))
+    height = top + sum(heads) + sum(sides) + GAP * len(rows) + below
+    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+    figure.suptitle(title, y=1 - 14 / height, fontsize=9 * text)
+    bottom, places = height - top, []
+    for row, head, side in zip(rows, heads, sides, strict=True):
+        bottom -= head + side
+        for column, panel in enumerate(row):
+            if panel is not None:
+                _place(figure, panel, left + column * cell, bottom + side, size, 8 * text)
+        places.append((left + len(row) * cell, bottom, side))
+        bottom -= GAP
+    return figure, places
 
 
-def _key(figure: Figure, row: Row, left: int, bottom: int, size: int) -> None:
-    """Draw a row's shades from black to white, with the values of some."""
-    assert row.shades is not None
-    axes = add_axes(figure, left, bottom, 14, size)
-    shades, extent = np.linspace(0, 1, 256)[:, None], (0, 1, *row.limits)
-    axes.imshow(shades, cmap="gray", aspect="auto", origin="lower", extent=extent)
+def _zoom(image: NDArray, size: int) -> int:
+    return max(1, size // len(image))
+
+
+def _place(figure: Figure, panel: Panel, left: int, top: int, size: int, font: float) -> None:
+    side, zoom = len(panel.image), _zoom(panel.image, size)
+    look = {"limits": panel.limits, "transfer": panel.transfer}
+    axes = plot.place(figure, panel.image, left, top - zoom * side, zoom, **look)
+    axes.set_title(panel.caption, fontsize=font, pad=4, loc="left" if panel.marked else "center")
+    # Outside of the image: a white one would end nowhere.
+    low, edge = -0.5 - 1 / zoom, side + 2 / zoom
+    axes.add_patch(Rectangle((low, low), edge, edge, fill=False, ec="0.8", lw=0.5)).set_clip_on(False)
+    if panel.marked:
+        x, y, part = panel.marked
+        axes.add_patch(Rectangle((x - 0.5, y - 0.5), part, part, fill=False, color="tab:red", lw=0.8))
+
+
+def _draw_key(axes: Axes, limits: tuple[float, float], shades: Shades) -> None:
+    """Draw shades from black to white, with the values of some."""
+    axes.imshow(
+        np.linspace(0, 1, 256)[:, None], cmap="gray", aspect="auto", origin="lower", extent=(0, 1, *limits)
+    )
     axes.yaxis.set_ticks_position("right")
     axes.yaxis.set_label_position("right")
-    axes.set(xticks=[], yticks=list(row.shades.ticks))
     axes.spines[:].set_visible(True)
-    axes.set_yticklabels(list(row.shades.ticks.values()), fontsize=8)
-    axes.set_ylabel(row.shades.label, fontsize=8)
+    axes.set(xticks=[])
+    axes.set_yticks(list(shades.ticks), list(shades.ticks.values()), fontsize=8)
+    axes.set_ylabel(shades.label, fontsize=8)
+
+
+def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Add axes to a figure of a fixed layout, at a place in pixels."""
+    across, down = figure.get_size_inches() * DPI
+    return figure.add_axes((left / across, bottom / down, width / across, height / down))
 
 
 def errors(images: Mapping[str, NDArray], reference: NDArray, captions: Mapping[str, str]) -> Row:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures.shared.sheets.curves import titled
 from qmcjax.sequences import BinarySequence, Sequence
 
 
@@ -15,8 +16,7 @@ def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, 
     """Return a figure with a row, or rows, of square panels."""
     columns = columns or count
     rows = -(-count // columns)
-    figure = Figure(figsize=(3 * columns, 3.3 * rows + 0.4), layout="constrained")
-    figure.suptitle(title)
+    figure = titled(title, 3 * columns, 3.3 * rows + 0.4)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in axes[count:]:
         unused.set_axis_off()

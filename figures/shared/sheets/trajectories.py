@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from figures.shared.sheets.curves import titled
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing import motion
 
@@ -57,16 +58,8 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
 
 def pair(title: str, width: float = 9) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = Figure(figsize=(width, 4.3), layout="constrained")
-    figure.suptitle(title)
+    figure = titled(title, width, 4.3)
     return figure, list(figure.subplots(1, 2))
-
-
-def legend(figure: Figure) -> None:
-    """Name below all panels what the first one shows."""
-    figure.legend(
-        *figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False
-    )
 
 
 def draw(axes: Axes, curve: motion.Nurbs) -> None:

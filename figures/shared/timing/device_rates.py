@@ -125,7 +125,7 @@ def compared(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least
     other_rate, there = _rate(name, other, slow, least)
     with jax.default_device(other):
         program = programs(*slow)[name]()
-        counts = jax.jit(program.run).lower(jnp.uint32(0), *program.arguments).compile().cost_analysis()
+        counts: Any = jax.jit(program.run).lower(jnp.uint32(0), *program.arguments).compile().cost_analysis()
     busy = max(counts[kind] / most for kind, most in H100.items())
     return Row(rate, program.samples / busy, other_rate, ulps(here, there), program.exact)
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from figures.plot import Style, style
+from figures.shared.sheets.curves import name_axes
 
 ADAPTIVE = ", adaptive"
 """What the names of programs and samplers end with that skip constant pixels."""
@@ -36,10 +37,9 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
         look: dict[str, Any] = {"ls": drawn.line} if plain == name else {"ls": "--", "mfc": "white"}
         look |= {"color": drawn.color, "marker": drawn.marker, "label": name}
         axes.errorbar(seconds, errors, xerr=spread, ms=4, lw=1, **look)
-    axes.set(xscale="log", yscale="log", xlabel="seconds per image", ylabel="RMS error")
+    name_axes(axes, "seconds per image", "RMS error", log="xy")
     # Those of a decade would overlap.
     axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.grid(alpha=0.3)
 
 
 def counted(rows: Rows) -> str:

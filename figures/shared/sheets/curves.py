@@ -1,0 +1,72 @@
+"""Curves: figures with their titles, lines in the styles of samplers, axes with names, ticks and legends."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
+
+from figures.plot import Style
+
+
+def titled(title: str, width: float, height: float, **look: Any) -> Figure:
+    """Return a figure of a size in inches whose panels find their own places."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    figure.suptitle(title, **look)
+    return figure
+
+
+def curve(axes: Axes, of: Mapping[Any, float], drawn: Style, **look: Any) -> None:
+    """Draw numbers over their counts, which may be texts."""
+    look = {"ms": 4, "lw": 1, "ls": drawn.line} | look
+    axes.plot([float(n) for n in of], list(of.values()), marker=drawn.marker, color=drawn.color, **look)
+
+
+def curves(
+    axes: Axes, of: Mapping[str, Mapping[Any, float]], drawn: Mapping[str, Style], **look: Any
+) -> None:
+    """Draw numbers by name, with the names as labels."""
+    for name, values in of.items():
+        curve(axes, values, drawn[name], label=name, **look)
+
+
+def name_axes(
+    axes: Axes,
+    x: str = "",
+    y: str = "",
+    title: str = "",
+    *,
+    log: str = "",
+    ticks: Sequence[float] | Mapping[float, str] = (),
+    few_decades: bool = False,
+    legend: str = "",
+    **of_legend: Any,
+) -> None:
+    """Write the names of axes, draw a light grid, and a legend at a place if one is given.
+
+    ``log``: which axes are logarithmic, "x", "y" or "xy". ``ticks``: of the horizontal axis.
+    ``few_decades``: the vertical axis has 1, 2, 5, 10, ... in place of powers of ten.
+    """
+    for name in log:
+        axes.set(**{f"{name}scale": "log"})
+    axes.set(xlabel=x, ylabel=y)
+    if title:
+        axes.set_title(title)
+    if len(ticks):
+        texts = list(ticks.values()) if isinstance(ticks, Mapping) else [f"{tick:g}" for tick in ticks]
+        axes.set_xticks(list(ticks), texts)
+        axes.xaxis.set_minor_locator(NullLocator())
+    if few_decades:
+        axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=10))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_locator(NullLocator())
+    axes.grid(alpha=0.3)
+    if legend:
+        axes.legend(**{"loc": legend, "frameon": False} | of_legend)
+
+
+def legend_below(figure: Figure, panel: Axes, columns: int = 4, **look: Any) -> None:
+    """Name below all panels what one of them shows."""
+    handles = panel.get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=columns, frameon=False, **look)

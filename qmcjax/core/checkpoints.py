@@ -2,7 +2,7 @@
 
 A digest covers arrays, plain values, and the names of types and functions. Versions identify the code of
 qmcjax, JAX, NumPy and SciPy (see :func:`environment`). Other code can change under its name: it is listed as
-foreign.
+foreign, and takes a label.
 
 A file is written under a temporary name, brought to disk and then renamed: a killed process leaves a complete
 file, the last one or the one before.
@@ -21,7 +21,6 @@ import time
 import warnings
 import zipfile
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -47,7 +46,7 @@ def digest(name: str, value: Any) -> tuple[str, list[str]]:
     A tracer in the object raises a TypeError that begins with ``name``.
     """
     foreign: dict[str, None] = {}
-    return _of(value, name, foreign).hex(), list(foreign)
+    return _digest(value, name, foreign).hex(), list(foreign)
 
 
 def environment() -> dict[str, str]:
@@ -73,33 +72,31 @@ def _sources() -> str:
     return sources.hexdigest()[:12]
 
 
-def _of(value: Any, name: str, foreign: dict[str, None]) -> bytes:
+def _digest(value: Any, name: str, foreign: dict[str, None]) -> bytes:
     """Return the digest of an object, and list its foreign parts."""
-    kind = type(value)
-    if kind in _PLAIN or isinstance(value, np.dtype):
-        return _hashed(kind.__name__, value if isinstance(value, bytes) else repr(value).encode())
     if isinstance(value, Tracer):
         raise TypeError(f"{name} must be known, got a tracer of jax.jit or another transformation")
-    called = ".".join(_path(value))
-    if _is_named(value):
-        return _hashed(called, b"")
-    contents = _contents(value)
-    if contents is None or not _is_named(kind):
-        foreign[f"{name}: {called}"] = None
-    parts = [_of(part, name, foreign) for part in (_visible(value) if contents is None else contents)]
-    return _hashed(called, b"".join(sorted(parts) if isinstance(value, set | frozenset) else parts))
-
-
-def _hashed(tag: str, data: bytes) -> bytes:
-    return hashlib.sha256(f"{tag}\0".encode() + data).digest()
+    called, data, parts = ".".join(_path(value)), b"", []
+    if type(value) in _PLAIN or isinstance(value, np.dtype):
+        data = repr(value).encode()
+    elif isinstance(value, np.ndarray | np.generic | Array):
+        is_key = isinstance(value, Array) and jax.numpy.issubdtype(value.dtype, jax.dtypes.prng_key)
+        numbers = np.asarray(jax.random.key_data(value) if is_key else value)
+        called, data = f"{value.dtype!r} {numbers.dtype!r} {numbers.shape}", numbers.tobytes()
+    elif not _is_named(value):
+        parts = _contents(value)
+        if parts is None or not _is_named(type(value)):
+            foreign[f"{name}: {called}"] = None
+        if parts is None:  # A foreign pytree has arrays.
+            children = jax.tree.leaves(value, is_leaf=lambda part: part is not value)
+            parts = [each for each in children if each is not value]
+        parts = [_digest(part, name, foreign) for part in parts]
+        data = b"".join(sorted(parts) if isinstance(value, set | frozenset) else parts)
+    return hashlib.sha256(f"{called}\0".encode() + data).digest()
 
 
 def _contents(value: Any) -> list[Any] | None:
-    """Return the contents of an array, container or dataclass of a library; None for anything else."""
-    if isinstance(value, Array) and jax.numpy.issubdtype(value.dtype, jax.dtypes.prng_key):
-        return [str(value.dtype), jax.random.key_data(value)]
-    if isinstance(value, np.ndarray | np.generic | Array):
-        return [f"{np.asarray(value).dtype!r} {value.shape}", np.asarray(value).tobytes()]
+    """Return the contents of a container or a library's dataclass; None for anything else."""
     if isinstance(value, dict):
         return list(value.items())
     if isinstance(value, tuple | list | set | frozenset):
@@ -109,14 +106,6 @@ def _contents(value: Any) -> list[Any] | None:
     if is_dataclass(type(value)) and _is_named(type(value)):
         return [getattr(value, each.name) for each in fields(value)]
     return None
-
-
-def _visible(value: Any) -> list[Any]:
-    """Return the parts of a foreign pytree, or the attributes with plain values."""
-    children = jax.tree.leaves(value, is_leaf=lambda part: part is not value)
-    own = {} if isinstance(value, type) else getattr(value, "__dict__", {})
-    plain = {k: each for k, each in own.items() if type(each) in _PLAIN and not k.startswith("__")}
-    return [*(each for each in children if each is not value), *sorted(plain.items())]
 
 
 def _path(value: Any) -> tuple[str, str]:
@@ -141,9 +130,6 @@ EVERY = 30.0
 
 SHARE = 0.05
 """Largest part of the time spent on writing: states of gigabytes are written less often."""
-
-LEFT = 86400.0
-"""Age in seconds at which an unfinished file counts as abandoned."""
 
 _FORMAT = "qmcjax checkpoint 1"
 _HEADER = "header"
@@ -186,11 +172,13 @@ class Checkpoint:
 class File:
     """The state of one computation in a file, as an earlier run left it, or empty."""
 
-    def __init__(self, path: Path, header: str, state: Arrays, writes: bool = True) -> None:
+    def __init__(self, path: Path, header: str, state: Arrays, writes: bool) -> None:
         self.path = path
-        self.writes = writes
         self.header = header
         self.state = state
+        self.writes = writes
+        self.outer: Arrays = {}
+        """State of a loop around the one that writes: it is written with each state."""
         self._next = time.monotonic() + EVERY
 
     def due(self, last: bool = False) -> bool:
@@ -204,7 +192,7 @@ class File:
         """
         start = time.monotonic()
         try:
-            self._write(state)
+            self._write({**self.outer, **state})
         except OSError as error:
             warnings.warn(
                 f"checkpoint {str(self.path)!r} cannot be written, the previous one stays: {error}",
@@ -224,30 +212,6 @@ class File:
             os.replace(temporary, self.path)
         finally:
             temporary.unlink(missing_ok=True)
-
-
-class Part:
-    """The state of an inner loop, saved in the same file as the arrays of the outer loop."""
-
-    def __init__(self, whole: File, name: str, **outer: Any) -> None:
-        self.whole = whole
-        self.prefix = f"{name}."
-        self.outer = outer
-        own = [key for key in whole.state if key.startswith(self.prefix)]
-        # Removed: the next iteration of the outer loop starts with an empty state.
-        self.state = {key.removeprefix(self.prefix): whole.state.pop(key) for key in own}
-
-    def due(self, last: bool = False) -> bool:
-        """Return whether it is time to write; the end of a part is not the end of the whole."""
-        return self.whole.due()
-
-    def write(self, **state: Any) -> None:
-        """Replace the saved arrays, together with those of the outer loop."""
-        self.whole.write(**self.outer, **{f"{self.prefix}{key}": value for key, value in state.items()})
-
-
-Saved = File | Part
-"""Where a loop saves its state."""
 
 
 def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
@@ -275,7 +239,8 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     described |= environment()
     writes, state = devices.is_first(mesh), {}
     if writes:
-        _clear(path)
+        for part in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
+            part.unlink(missing_ok=True)  # Of a killed process; a running one fails to write once.
     if path.exists():
         known, state = _read(path)
         _refuse_other(path, known, described)
@@ -308,21 +273,6 @@ def _checked(checkpoint: Any) -> tuple[Path, str | None]:
 
 def _prefix(path: Path) -> str:
     return f".{path.name}.part-"
-
-
-def _clear(path: Path) -> None:
-    """Remove unfinished files of killed processes, but none that another process may be writing."""
-    for part in path.parent.glob(f"{glob.escape(_prefix(path))}*"):
-        process, _, host = part.name.removeprefix(_prefix(path)).partition("-")
-        with suppress(OSError):  # Another process may have finished or removed it.
-            ended = time.time() - part.stat().st_mtime > LEFT
-            if os.name == "posix" and host == socket.gethostname():  # Elsewhere a signal 0 would end it.
-                try:
-                    os.kill(int(process), 0)
-                except ProcessLookupError:
-                    ended = True
-            if ended:
-                part.unlink()
 
 
 def _read(path: Path) -> tuple[dict[str, str], Arrays]:

@@ -15,7 +15,7 @@ from jax.typing import DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax import samplers, sequences
-from qmcjax.core import checkpoints, checks, devices, draws
+from qmcjax.core import checks, devices, draws
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering._render import rendered
 from qmcjax.rendering._task import check_progress, opened, task
@@ -97,19 +97,18 @@ def estimated_reference(
     check_progress(progress, tasks[0])
     mesh = devices.checked(mesh)
     saved = opened(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
-    images = [] if saved is None else list(saved.state.get("images", []))
+    images = [] if saved is None else list(saved.state.pop("images", []))
     for number in range(len(images), REPLICATES):
 
         def report(part: float, number: int = number) -> None:
             if progress is not None:
                 progress((number + part) / REPLICATES)
 
-        kept = None if saved is None else np.array(images, np.float64)
-        inside = None if saved is None else checkpoints.Part(saved, "replicate", images=kept)
-        image = rendered(tasks[number], mesh, None if progress is None else report, inside)
-        images.append(image)
-        if saved is not None and (saved.due(last=len(images) == REPLICATES)):
-            saved.write(images=np.array(images, np.float64))
+        if saved is not None:
+            saved.outer = {"images": np.array(images, np.float64)}
+        images.append(rendered(tasks[number], mesh, None if progress is None else report, saved))
+        if saved is not None:
+            saved.state = {}
     with jax.enable_x64(True):
         image, deviation, largest = _moments(images)
     error = float(deviation) / np.sqrt(REPLICATES)

@@ -87,7 +87,7 @@ def render(
 
 
 def rendered(
-    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, saved: checkpoints.Saved | None
+    task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, saved: checkpoints.File | None
 ) -> Array:
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
     scene, sampler, width, height, spp, dtype = task

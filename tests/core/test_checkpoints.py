@@ -1,17 +1,24 @@
 """Files with the state of a computation: whole at any time, and taken for no other computation's."""
 
+import functools
+import importlib.metadata
 import os
 import resource
-import socket
-import subprocess
 import time
+from dataclasses import dataclass
+from functools import partial
+from unittest import mock
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from tables import KINDS, SAMPLERS, SEQUENCES
 
-from qmcjax import scenes
-from qmcjax.core import checkpoints
-from qmcjax.core.checkpoints import Checkpoint, begin
+import qmcjax as qj
+from qmcjax import orders, samplers, scenes, sequences
+from qmcjax.core import checkpoints, jax_internals
+from qmcjax.core.checkpoints import Checkpoint, begin, digest
 
 DISC = scenes.disc()
 
@@ -46,22 +53,6 @@ def test_another_computation_is_refused(tmp_path, other, message):
         ValueError, match=f"^checkpoint must belong to this computation, got '.*state', {message}"
     ):
         begin(tmp_path / "state", **other)
-
-
-def test_another_version_is_refused(tmp_path, monkeypatch):
-    keep(tmp_path / "state", done=1)
-    ours = checkpoints.environment()
-    monkeypatch.setattr(checkpoints, "environment", lambda: ours | {"qmcjax": "0.0.1"})
-    with pytest.raises(ValueError, match=r"qmcjax was \d.*, sources .*, is 0\.0\.1:"):
-        keep(tmp_path / "state")
-
-
-def test_another_kind_of_device_is_refused(tmp_path, monkeypatch):
-    keep(tmp_path / "state", done=1)
-    kind = checkpoints.devices.kind(None)
-    monkeypatch.setattr(checkpoints.devices, "kind", lambda mesh: "abacus")
-    with pytest.raises(ValueError, match=f"where device was {kind}, is abacus:"):
-        keep(tmp_path / "state")
 
 
 def test_labels(tmp_path):
@@ -144,36 +135,25 @@ def test_a_full_disk_leaves_the_last_one(tmp_path):
     assert begin(path, spp=1).state["total"].shape == (10_000,)
 
 
-def test_only_what_killed_processes_left_is_cleared_away(tmp_path):
-    """What another run of the same, here or on another machine, is just writing stays."""
-    path, here = tmp_path / "state[1]", socket.gethostname()
-    keep(path, done=1)
-    ended = subprocess.Popen(["true"])
-    ended.wait()
-    left = [f".state[1].part-{ended.pid}-{here}", ".state[1].part-99-far-away", ".state[1].part-old"]
-    stays = [f".state[1].part-{os.getppid()}-{here}", ".state[1].part-98-far-away", ".state1.part-old"]
-    for name in left + stays:
+def test_what_killed_processes_left_is_cleared_away(tmp_path):
+    path = tmp_path / "state[1]"
+    for name in (".state[1].part-99-far-away", ".state1.part-99-far-away"):
         (tmp_path / name).write_bytes(b"half")
-    for name in left[1:] + stays[2:]:
-        os.utime(tmp_path / name, (0, time.time() - checkpoints.LEFT - 60))
     keep(path, done=2)
-    assert sorted(os.listdir(tmp_path)) == sorted([*stays, "state[1]"])
+    assert sorted(os.listdir(tmp_path)) == [".state1.part-99-far-away", "state[1]"]
 
 
-def test_what_is_being_written_is_not_cleared_away(tmp_path, monkeypatch):
-    """Another run of the same begins meanwhile; the file says who writes it."""
-    path, seen = tmp_path / "state", []
+def test_another_run_of_the_same_costs_one_write(tmp_path, monkeypatch):
+    path = tmp_path / "state"
     held = begin(path, spp=1)
     held.write(done=0)
-
-    def meanwhile(file):
-        begin(path, spp=1)
-        seen.extend(os.listdir(tmp_path))
-
-    monkeypatch.setattr(checkpoints.os, "fsync", meanwhile)
-    held.write(done=1)
-    assert begin(path, spp=1).state["done"] == 1
-    assert sorted(seen) == [f".state.part-{os.getpid()}-{socket.gethostname()}", "state"]
+    with monkeypatch.context() as patched:
+        patched.setattr(checkpoints.os, "fsync", lambda file: begin(path, spp=1))
+        with pytest.warns(RuntimeWarning, match="cannot be written, the previous one stays"):
+            held.write(done=1)
+    assert begin(path, spp=1).state["done"] == 0
+    held.write(done=2)
+    assert begin(path, spp=1).state["done"] == 2
 
 
 def test_writes_take_a_small_share_of_the_time(tmp_path, monkeypatch):
@@ -188,10 +168,183 @@ def test_writes_take_a_small_share_of_the_time(tmp_path, monkeypatch):
     assert not begin(tmp_path / "state", spp=1).due()
 
 
-def test_a_loop_inside_another_keeps_its_part(tmp_path):
+def test_the_state_of_an_outer_loop_is_written_with_that_of_an_inner_one(tmp_path):
     held = begin(tmp_path / "state", spp=1)
-    checkpoints.Part(held, "pass", images=np.ones(2)).write(row=3)
-    found = begin(tmp_path / "state", spp=1)
-    assert sorted(found.state) == ["images", "pass.row"]
-    inner = checkpoints.Part(found, "pass")
-    assert list(inner.state) == ["row"] and int(inner.state["row"]) == 3
+    held.outer = {"images": np.ones(2)}
+    held.write(row=3)
+    assert {name: found.tolist() for name, found in begin(tmp_path / "state", spp=1).state.items()} == {
+        "images": [1, 1],
+        "row": 3,
+    }
+
+
+def sampler(key=1, order=orders.hilbert):
+    return samplers.contiguous(order(4, 4), sequences.owen(sequences.sobol(2), key), spp=4)
+
+
+OWN = {
+    "sampler": sampler,
+    "another key": lambda: sampler(2),
+    "another order": lambda: sampler(order=orders.morton),
+    "scene": scenes.disc,
+    "other radius": lambda: scenes.disc((0.5, 0.5), 0.1),
+    "traced": scenes.cornell_box,
+    "traced, blocks": lambda: scenes.cornell_box(blocks=True),
+    "containers": lambda: {"a": [1, 2.0, None], "b": (np.float32(1), {1, 2}, np.s_[:3, 1:])},
+    "other slices": lambda: {"a": [1, 2.0, None], "b": (np.float32(1), {1, 2}, np.s_[:3, 2:])},
+    "functions of libraries": lambda: [jnp.sin, np.sin, orders.hilbert, np.float32, np.dtype("float32")],
+    "one of them": lambda: scenes.function(jnp.sum, ("x", "y")),
+    "another order in a list": lambda: {"a": [2.0, 1, None], "b": (np.float32(1), {1, 2}, np.s_[:3, 1:])},
+    "key": lambda: jax.random.key(3, impl="unsafe_rbg"),
+    "key of another kind": lambda: jax.random.key(3, impl="rbg"),
+    "array": lambda: np.arange(6).reshape(2, 3),
+    "array of another shape": lambda: np.arange(6).reshape(3, 2),
+    "array of another dtype": lambda: np.arange(6, dtype=np.int32).reshape(2, 3),
+    "array in another order": lambda: np.arange(6, dtype=">i4").reshape(2, 3),
+}
+"""No two are the same, and none is foreign."""
+
+
+def test_no_two_are_the_same_and_made_again_each_is():
+    first = {name: digest(name, make()) for name, make in OWN.items()}
+    assert len({hexadecimal for hexadecimal, _ in first.values()}) == len(OWN)
+    assert {name: digest(name, make()) for name, make in OWN.items()} == first
+    assert not any(foreign for _, foreign in first.values())
+    one, other = {0, 8}, {8, 0}
+    assert list(one) != list(other)
+    assert digest("set", one) == digest("set", other)
+
+
+@pytest.mark.slow
+def test_the_library_is_not_foreign():
+    """Its nouns differ, and need no label."""
+    made = {name: SAMPLERS[name] for name in SAMPLERS if not name.startswith("randomized")}
+    made |= {name: SEQUENCES[name] for name in KINDS}
+    made |= {name: getattr(scenes, name)() for name in ("helicopter", "occluder", "ball", "checkerboard")}
+    found = {name: digest(name, each) for name, each in made.items()}
+    assert [name for name, (_, foreign) in found.items() if foreign] == []
+    assert len({hexadecimal for hexadecimal, _ in found.values()}) == len(found)
+
+
+@qj.pytree
+@dataclass(frozen=True)
+class Rings:
+    value: jax.Array
+    inner: object
+
+    def __call__(self, point):
+        return self.value * point[..., 0]
+
+
+def test_arrays_in_foreign_pytrees_count_all_the_same():
+    made = [
+        Rings(jnp.arange(3.0), scenes.disc()),
+        Rings(jnp.arange(4.0), scenes.disc()),
+        Rings(jnp.arange(3.0), scenes.disc((0.5, 0.5), 0.1)),
+    ]
+    found = [digest("scene", each) for each in made]
+    assert len({hexadecimal for hexadecimal, _ in found}) == len(made)
+    assert [foreign for _, foreign in found] == [[f"scene: {__name__}.Rings"]] * len(made)
+
+
+def test_what_is_not_known_is_named():
+    with pytest.raises(TypeError, match="key must be known, got a tracer"):
+        jax.jit(lambda key: digest("key", key)[0])(jax.random.key(1))
+
+
+def without(name):
+    """Return a context in which a package is not installed."""
+    version = importlib.metadata.version
+
+    def other(asked):
+        if asked == name:
+            raise importlib.metadata.PackageNotFoundError
+        return version(asked)
+
+    return mock.patch.object(importlib.metadata, "version", other)
+
+
+ELSEWHERE = {
+    "jax_threefry_partitionable": lambda: jax.threefry_partitionable(False),
+    "jax_enable_x64": lambda: jax.enable_x64(True),
+    "jax_default_matmul_precision": lambda: jax.default_matmul_precision("float32"),
+    "jax_disable_jit": jax.disable_jit,
+    "jax_default_prng_impl": lambda: jax.default_prng_impl("rbg"),
+    "XLA_FLAGS": lambda: mock.patch.dict(os.environ, XLA_FLAGS="--xla_cpu_enable_fast_math=true"),
+    "device": lambda: mock.patch.object(checkpoints.devices, "kind", lambda mesh: "abacus"),
+    "qmcjax": lambda: mock.patch.object(checkpoints, "_sources", lambda: "others"),
+    **{name: partial(without, name) for name in ("jax", "jaxlib", "numpy", "scipy", "numba")},
+}
+
+
+@pytest.mark.parametrize("name", ELSEWHERE)
+def test_a_state_is_of_one_version_device_and_choice_of_flags(tmp_path, name):
+    begin(tmp_path / "state", spp=4)
+    with ELSEWHERE[name](), pytest.raises(ValueError, match=rf"where {name} was .*, is .*: give"):
+        begin(tmp_path / "state", spp=4)
+    begin(tmp_path / "state", spp=4)
+
+
+def test_the_number_of_devices_does_not_count(tmp_path, monkeypatch):
+    monkeypatch.setenv("XLA_FLAGS", "")
+    begin(tmp_path / "state", spp=4)
+    monkeypatch.setenv("XLA_FLAGS", "--xla_force_host_platform_device_count=3")
+    begin(tmp_path / "state", spp=4)
+
+
+def test_flags_are_those_of_jax():
+    """Those of all versions are; of the others two."""
+    unknown = {flag for flag in jax_internals.FLAGS if f"jax_{flag}" not in jax.config.values}
+    assert len(unknown) <= 2 and not unknown & set(jax_internals.COMMON_FLAGS)
+
+
+class Scaled:
+    def __call__(self, point):
+        return 2 * point[..., 0]
+
+
+class Listed(list):
+    __call__ = Scaled.__call__
+
+
+def scaled(point, factor=2):
+    return factor * point[..., 0]
+
+
+def by_exec(name):
+    exec("def f(p): return 2 * p[..., 0]", {"__name__": name}, made := {})
+    return made["f"]
+
+
+FOREIGN = {
+    "function": scaled,
+    "lambda": lambda point: point[..., 0],
+    "closure": (lambda k: lambda point: k * point[..., 0])(2),
+    "compiled": jax.jit(scaled),
+    "partial": functools.partial(scaled, factor=3),
+    "wrapped as a library's": functools.wraps(jnp.where)(lambda point: point[..., 0]),
+    "object": Scaled(),
+    "bound method": Scaled().__call__,
+    "list with a call": Listed(),
+    "by exec": by_exec(__name__),
+    "named as a builtin": by_exec("builtins"),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_foreign_code_takes_a_label(tmp_path, name):
+    """Without a label nothing is begun; another one is refused; the same one is its author's word."""
+
+    def begun(checkpoint):
+        return begin(checkpoint, scene=scenes.function(FOREIGN[name], ("x", "y")), spp=4)
+
+    path = tmp_path / "state"
+    with pytest.raises(
+        ValueError, match=r"must be a qmcjax\.Checkpoint .* foreign code .*state' and scene: "
+    ):
+        begun(path)
+    assert not path.exists()
+    begun(qj.Checkpoint(path, "1")).write(done=3)
+    with pytest.raises(ValueError, match="where label was '1', is '2'"):
+        begun(qj.Checkpoint(path, "2"))
+    assert begun(qj.Checkpoint(path, "1")).state["done"] == 3

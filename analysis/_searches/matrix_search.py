@@ -12,7 +12,6 @@ cells, found by array look-ups.
 """
 
 import math
-import time
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from analysis import _arguments
 from analysis._distances.distance import squared_min_distance
+from analysis._searches.budget import Budget
 from qmcjax.core import checks
 
 LARGEST = 16
@@ -155,11 +155,12 @@ def search_matrices(
     steps = checks.integer("steps", steps, 1, 2**63 - 1)
     budget_s = _arguments.real("budget_s", budget_s, "positive", lambda seconds: seconds > 0)
     nets = [_Net(m, target, dims) for m, target in _checked(targets, dims).items()]
-    deadline = time.monotonic() + budget_s
+    budget = Budget(steps, budget_s)
     trials = _trials(nets, np.random.default_rng(seed))
-    (best, least), tried = next(trials), 1
-    while least > 0 and tried < steps and time.monotonic() < deadline:
-        (triangles, energy), tried = next(trials), tried + 1
+    best, least = next(trials)
+    budget.steps = 1
+    while least > 0 and budget.step():
+        triangles, energy = next(trials)
         if energy < least:
             best, least = triangles, energy
     matrices = _matrices(best)
@@ -167,7 +168,7 @@ def search_matrices(
     squared = {
         net.m: squared_min_distance((net.points(columns) >> (LARGEST - net.m)).T, 2**net.m) for net in nets
     }
-    return MatrixSearch(matrices, squared, least == 0, tried)
+    return MatrixSearch(matrices, squared, least == 0, budget.steps)
 
 
 def _checked(targets: Mapping[int, int], dims: int) -> dict[int, int]:

@@ -7,8 +7,6 @@ interval with the fewest candidates, which may be a column of the grid or any ot
 candidates ends the branch.
 """
 
-import math
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import reduce
@@ -19,6 +17,7 @@ from numpy.typing import NDArray
 
 from analysis import _arguments
 from analysis._distances.distance import squared_min_distance
+from analysis._searches.budget import Budget
 from qmcjax.core import checks
 
 _LARGEST = {2: 8, 3: 5}
@@ -83,12 +82,12 @@ def search_net(
     wanted = checks.integer("minimum_squared_distance", minimum_squared_distance, 1, largest)
     if budget_s is not None:
         budget_s = _arguments.positive("budget_s", budget_s)
-    deadline = math.inf if budget_s is None else time.monotonic() + budget_s
+    budget = Budget(None, budget_s)
     points, squared_distance = None, None
     reached, impossible = wanted - 1, largest + 1
     while reached + 1 < impossible:
         try:
-            found = _Search(m, dims, wanted, deadline).net()
+            found = _Search(m, dims, wanted, budget).net()
         except _OutOfTime:
             return NetSearch(points, squared_distance, exhausted=False)
         if found is None:
@@ -107,8 +106,8 @@ class _OutOfTime(Exception):
 class _Search:
     """The search for one net of at least a given distance."""
 
-    def __init__(self, m: int, dims: int, squared_distance: int, deadline: float) -> None:
-        self.m, self.dims, self.squared_distance, self.deadline = m, dims, squared_distance, deadline
+    def __init__(self, m: int, dims: int, squared_distance: int, budget: Budget) -> None:
+        self.m, self.dims, self.squared_distance, self.budget = m, dims, squared_distance, budget
         number = np.arange(2**m)
         apart = np.abs(number[:, None] - number)
         self.squares = np.minimum(apart, 2**m - apart) ** 2
@@ -127,7 +126,7 @@ class _Search:
         """Return candidates, one in each of the intervals, no two of which exclude each other, or None."""
         if not intervals:
             return []
-        if time.monotonic() > self.deadline:
+        if self.budget.spent() > 1:
             raise _OutOfTime
         options = min((interval & candidates for interval in intervals), key=int.bit_count)
         while options:

@@ -14,6 +14,9 @@ from analysis._loops import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Boxes = tuple[Ints, Floats, Floats]
+"""Ends, shape (m, d): the point where a box ends; n: it ends at 1; -1: the closed box is empty. Signs, 1 for
+open boxes, -1 for closed ones. And local discrepancies."""
 
 
 class WorstBoxes:
@@ -25,39 +28,23 @@ class WorstBoxes:
         lists = np.zeros((dims, n + 1), np.int64)
         lists[0, :n] = order[0]
         levels = np.array([0.0, 0.0, part])
-        self.ends = np.zeros((most, dims), np.int64)
-        """Shape (number, d): the point where a box ends; n: it ends at 1; -1: the closed box is empty."""
-        self.signs, self.values, count = np.zeros(most), np.zeros(most), np.zeros(1, np.int64)
-        """1 for open boxes, -1 for closed ones; and the local discrepancies."""
-        _enumerate(
-            np.ascontiguousarray(points),
-            np.argsort(order, axis=1),
-            lists,
-            levels,
-            self.ends,
-            self.signs,
-            self.values,
-            count,
-        )
-        chosen = np.flatnonzero(self.values[: count[0]] > levels[0])
-        self.ends, self.signs, self.values = self.ends[chosen], self.signs[chosen], self.values[chosen]
+        room = np.zeros((most, dims), np.int64), np.zeros(most), np.zeros(most)
+        ranks = np.argsort(order, axis=1)
+        count = _enumerate(np.ascontiguousarray(points), ranks, lists, levels, room)
+        chosen = np.flatnonzero(room[2][:count] > levels[0])
+        self.boxes: Boxes = room[0][chosen], room[1][chosen], room[2][chosen]
         self.level = float(levels[0])
         """All boxes above this are included: ``part`` of the largest, or more if they are too many."""
         self.largest = float(levels[1])
 
 
 @compiled
-def _enumerate(
-    points: Floats,
-    ranks: Ints,
-    lists: Ints,
-    levels: Floats,
-    ends: Ints,
-    signs: Floats,
-    values: Floats,
-    found: Ints,
-) -> None:
-    """Go through all prefixes; ``lists[k]``: the points inside in dimensions below k, in the order of k."""
+def _enumerate(points: Floats, ranks: Ints, lists: Ints, levels: Floats, boxes: Boxes) -> int:
+    """Go through all prefixes, and return the number of boxes that are kept.
+
+    ``lists[k]``: the points inside in dimensions below k, in the order of k. ``levels``: the level, the
+    largest local discrepancy so far, and the part of it that counts.
+    """
     n, dims = points.shape
     step, counts = np.zeros(dims, np.int64), np.zeros(dims, np.int64)
     opened, closed, last = np.ones(dims), np.ones(dims), np.zeros(dims)
@@ -66,26 +53,16 @@ def _enumerate(
     open_most, closed_most = np.zeros(dims), np.zeros(dims)
     prefix = np.zeros((2, dims), np.int64)
     counts[0] = n
-    k = 0
+    k = count = 0
     while True:
         if k == dims - 1 or step[k] > counts[k]:
             if k == dims - 1:
-                open_most[k], closed_most[k] = _last(
-                    points,
-                    opened[k],
-                    closed[k],
-                    lists[k],
-                    counts[k],
-                    prefix,
-                    levels,
-                    ends,
-                    signs,
-                    values,
-                    found,
+                count, open_most[k], closed_most[k] = _last(
+                    points, opened[k], closed[k], lists[k, : counts[k]], prefix, levels, boxes, count
                 )
             k -= 1
             if k < 0:
-                break
+                return count
             open_bound[k], closed_bound[k] = open_most[k + 1], closed_most[k + 1]
         else:
             t = step[k]
@@ -122,15 +99,14 @@ def _last(
     opened: float,
     closed: float,
     order: Ints,
-    count: int,
     prefix: Ints,
     levels: Floats,
-    ends: Ints,
-    signs: Floats,
-    values: Floats,
-    found: Ints,
-) -> tuple[float, float]:
-    """Go through the last dimension; return the largest values of open and of closed boxes."""
+    boxes: Boxes,
+    found: int,
+) -> tuple[int, float, float]:
+    """Go through the last dimension; return how many are kept, and the largest values, open and closed."""
+    ends, signs, values = boxes
+    count = len(order)
     n, dims = points.shape
     k = dims - 1
     highest_open = highest_closed = 0.0
@@ -144,24 +120,24 @@ def _last(
                 continue
             levels[1] = max(levels[1], value)
             levels[0] = max(levels[0], levels[1] * levels[2])
-            if found[0] == len(values):
-                _forget(levels, ends, signs, values, found)
+            if found == len(values):
+                found = _forget(levels, boxes)
                 if value <= levels[0]:
                     continue
-            row = found[0]
-            values[row], signs[row] = value, 1.0 - 2.0 * side
-            ends[row, :k] = prefix[side, :k]
+            values[found], signs[found] = value, 1.0 - 2.0 * side
+            ends[found, :k] = prefix[side, :k]
             if side == 0:
-                ends[row, k] = order[t] if t < count else n
+                ends[found, k] = order[t] if t < count else n
             else:
-                ends[row, k] = order[t - 1] if t > 0 else -1
-            found[0] += 1
-    return highest_open, highest_closed
+                ends[found, k] = order[t - 1] if t > 0 else -1
+            found += 1
+    return found, highest_open, highest_closed
 
 
 @compiled
-def _forget(levels: Floats, ends: Ints, signs: Floats, values: Floats, found: Ints) -> None:
-    """Keep the boxes above the level, or, if these are most of them, raise it to their median."""
+def _forget(levels: Floats, boxes: Boxes) -> int:
+    """Keep the boxes above the level, or, if these are most of them, raise it to their median; count them."""
+    ends, signs, values = boxes
     if np.sum(values > levels[0]) > 3 * len(values) // 4:
         levels[0] = max(levels[0], np.median(values))
     kept = 0
@@ -170,4 +146,4 @@ def _forget(levels: Floats, ends: Ints, signs: Floats, values: Floats, found: In
             values[kept], signs[kept] = values[row], signs[row]
             ends[kept] = ends[row]
             kept += 1
-    found[0] = kept
+    return kept

@@ -37,7 +37,7 @@ def exact_star(words: Words) -> tuple[Fraction, tuple[int, ...], bool]:
     if n * dims > 2**13 or worst.level > worst.largest * (1 - _ROUNDING / 2):
         raise ValueError(f"words: {n} points in {dims} dimensions have too many boxes close to the largest")
     found = []
-    for ends, sign in zip(worst.ends, worst.signs, strict=True):
+    for ends, sign, _ in zip(*worst.boxes, strict=True):
         box = tuple(one if p == n else 0 if p < 0 else points[p][k] for k, p in enumerate(ends))
         if sign > 0:
             inside = sum(all(x < q for x, q in zip(point, box, strict=True)) for point in points)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import analysis
 from analysis._searches.box_search import search_boxes
+from analysis._searches.budget import Budget
 from analysis.tables import SEQUENCES
 
 _POWERS = 16, 32, 64, 128, 256
@@ -64,7 +65,7 @@ def improve(kept: dict[str, NDArray], discrepancy: str, n: int, dims: int, secon
     elif dims == 2:
         points = analysis.search_discrepancy(n, seconds, key=round(spent), start=start).points
     else:
-        points = search_boxes(n, dims, seconds, rng, start)
+        points = search_boxes(n, dims, Budget(None, seconds), rng, start)
     words = np.floor(points * 2.0**32).astype(np.uint32)
     words = words[np.argsort(words[:, 0], kind="stable")]
     measure = MEASURES[discrepancy]

@@ -6,8 +6,7 @@ from refusals import refused
 from scipy.optimize import linprog
 
 import analysis
-from analysis._searches.discrepancy_search import _Ranked
-from analysis._searches.field_lattices import random_lattice, section
+from analysis._searches.plane_search import Ranked, random_lattice, section
 
 slow = pytest.mark.slow
 
@@ -54,7 +53,7 @@ def ranks_of(points):
 @pytest.mark.parametrize("key", range(3))
 def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
     points = np.random.default_rng(key).random((7, 2))
-    ranked = _Ranked(points, analysis.star_discrepancy(points))
+    ranked = Ranked(points, analysis.star_discrepancy(points))
     ranked.lower(0.1, 1e-7, 100)
     assert analysis.star_discrepancy(ranked.points()) == pytest.approx(ranked.level, abs=1e-6)
     assert ranked.level == pytest.approx(least_level(ranks_of(points)), abs=2e-5)
@@ -63,7 +62,7 @@ def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
 def test_swaps_are_made_if_and_only_if_the_level_can_be_kept():
     n = 5
     points = np.random.default_rng(5).random((n, 2))
-    ranked = _Ranked(points, analysis.star_discrepancy(points))
+    ranked = Ranked(points, analysis.star_discrepancy(points))
     ranked.lower(0.1, 1e-4, 100)
     ranked.level *= 1.002
     made = []
@@ -89,7 +88,7 @@ def test_swaps_are_made_if_and_only_if_the_level_can_be_kept():
 def test_lattices_of_the_field():
     """In units of the density, products of differences are norms of integers over the root of 5."""
     rng = np.random.default_rng(1)
-    lattice = random_lattice(60, 2, rng)
+    lattice = random_lattice(60, rng)
     points = section(lattice)
     assert abs(len(points) - 60) < 6
     differences = (points[:, None] - points)[~np.eye(len(points), dtype=bool)]
@@ -126,25 +125,13 @@ def test_proven_optima_in_the_plane(n, optimum):
     assert optimum - 6e-5 < found < 1.01 * optimum
 
 
-@slow
-@pytest.mark.parametrize("key", range(2))
-def test_coordinates_in_space_are_close_to_those_of_programs_with_all_boxes(key):
-    points = np.random.default_rng(key).random((6, 3))
-    ranked = _Ranked(points, analysis.star_discrepancy(points))
-    ranked.lower(0.1, 1e-7, 100)
-    assert analysis.star_discrepancy(ranked.points()) <= ranked.level + 1e-9
-    best = least_level(ranks_of(points))
-    assert best - 2e-5 <= ranked.level < 1.15 * best
-    ranked.settle()
-    assert analysis.star_discrepancy(ranked.points()) <= ranked.level
-    assert best - 2e-5 <= ranked.level < 1.005 * best
-
-
-@slow
 def test_search_in_space():
-    found = analysis.search_discrepancy(16, None, key=1, dims=3, steps=600)
-    assert found.discrepancy == analysis.star_discrepancy(found.points)
-    assert found.discrepancy < 0.125
+    found, again = (analysis.search_discrepancy(8, None, key=1, dims=3, steps=3) for _ in range(2))
+    assert found.discrepancy == analysis.star_discrepancy(found.points) < 0.25
+    assert (found.points == again.points).all()
+    assert (np.diff(found.points[:, 0]) >= 0).all() and found.steps == 3
+    further = analysis.search_discrepancy(8, None, key=2, dims=3, steps=1, start=found.points)
+    assert further.discrepancy <= found.discrepancy
 
 
 test_wrong_values = refused(

@@ -8,6 +8,7 @@ import pytest
 from refusals import refused
 
 from analysis import search_net
+from analysis._searches import budget
 from analysis._searches import net_search as _net_search
 
 # Table 5.1 for matrices up to m = 4 (Sect. 5.3.1: permutations gain nothing there on the plain torus),
@@ -141,7 +142,7 @@ def test_the_bisection_ends_at_any_optimum(monkeypatch, optimum):
     """With a search that knows whether there is a net, and finds one of the distance asked for."""
 
     class Oracle:
-        def __init__(self, m, dims, squared_distance, deadline):
+        def __init__(self, m, dims, squared_distance, budget):
             self.squared_distance = squared_distance
 
         def net(self):
@@ -176,7 +177,7 @@ def test_the_images_of_a_cell_are_what_half_turns_reflections_and_exchanges_gene
     def number(at):
         return sum(a * n ** (dims - 1 - j) for j, a in enumerate(at))
 
-    search = _net_search._Search(m, dims, 1, float("inf"))
+    search = _net_search._Search(m, dims, 1, budget.Budget(None, None))
     for cell in product(range(0, n, max(1, n // 4)), repeat=dims):
         orbit, fresh = {cell}, [cell]
         while fresh:
@@ -202,7 +203,7 @@ def test_the_search_is_deterministic():
 def test_a_spent_budget_returns_the_best_net_so_far(monkeypatch, steps):
     """With a clock that ticks once a step: sixteen points, that is sixteen steps, at least."""
     clock = iter(range(10**7))
-    monkeypatch.setattr(_net_search, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    monkeypatch.setattr(budget, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     found = search_net(4, 2, budget_s=steps + 0.5)
     assert found.exhausted == (steps == 10**6)
     assert (found.points is None) == (steps < 16)

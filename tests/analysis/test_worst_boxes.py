@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import analysis
-from analysis._searches.box_descent import descend
-from analysis._searches.box_search import search_boxes
+from analysis._searches.box_search import descend, search_boxes
+from analysis._searches.budget import Budget
 from analysis._searches.worst_boxes import WorstBoxes
 
 
@@ -31,14 +31,12 @@ def test_boxes_are_those_of_the_full_grid(n, dims, ties):
     assert worst.largest == pytest.approx(max(every.values()), abs=1e-14)
     assert worst.level == pytest.approx(0.8 * worst.largest, abs=1e-14)
     extended = np.vstack([points, np.ones(dims)])
-    for ends, sign, value in zip(worst.ends, worst.signs, worst.values, strict=True):
+    for ends, sign, value in zip(*worst.boxes, strict=True):
         box = tuple(float(extended[p, k]) for k, p in enumerate(ends))
         # Of equal coordinates some may be left out, which makes the value smaller.
         assert worst.level < value <= every[box, sign] + 1e-14
         assert ties or value == pytest.approx(every[box, sign], abs=1e-14)
-    assert len(worst.values) == len(
-        {(*ends, sign) for ends, sign in zip(worst.ends, worst.signs, strict=True)}
-    )
+    assert len(worst.boxes[2]) == len({(*ends, sign) for ends, sign, _ in zip(*worst.boxes, strict=True)})
 
 
 def test_too_many_boxes_raise_the_level():
@@ -46,7 +44,7 @@ def test_too_many_boxes_raise_the_level():
     all_of_them, few = WorstBoxes(points, 0.5, 20000), WorstBoxes(points, 0.5, 50)
     assert few.largest == all_of_them.largest
     assert few.level > all_of_them.level == 0.5 * few.largest
-    assert sorted(few.values) == sorted(v for v in all_of_them.values if v > few.level)
+    assert sorted(few.boxes[2]) == sorted(v for v in all_of_them.boxes[2] if v > few.level)
 
 
 @pytest.mark.parametrize(("n", "dims"), [(20, 2), (24, 3), (16, 5)])
@@ -60,7 +58,7 @@ def test_descents_lower_the_discrepancy(n, dims):
 
 def test_searches_are_no_worse_than_their_start():
     rng = np.random.default_rng(3)
-    first = search_boxes(12, 3, 0.05, rng)
-    second = search_boxes(12, 3, 0.05, rng, first)
+    first = search_boxes(12, 3, Budget(2, None), rng, None)
+    second = search_boxes(12, 3, Budget(4, None), rng, first)
     assert (first * 2.0**32 % 1 == 0).all()
     assert analysis.star_discrepancy(second) <= analysis.star_discrepancy(first) < 0.2

@@ -17,10 +17,10 @@ from pathlib import Path
 from figures import page
 from figures._options import advice, check_job, listing, parser_of
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, Entry
-from figures.making import compiled_programs, heitz, memory, stbn, store
-from figures.making.figures import warn
-from figures.making.job import Job, Where
-from figures.making.updating import update
+from figures.making import compiled_programs, heitz, stbn, store
+from figures.making.job import Job, JobError, Where, share
+from figures.making.this_machine import peak_memory
+from figures.making.updating import plan, update, warn
 from qmcjax.core import packages
 
 COMMANDS = {
@@ -74,7 +74,7 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         print(listing(options.names or catalogue, catalogue))
         return 0
     check_job(parser, options)
-    names = _chosen(options, catalogue)
+    names = _choose(options, catalogue)
     for option, (check, switch) in PUBLISHED.items():
         path = getattr(options, option)
         if path is not None:
@@ -95,23 +95,31 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         compiled_programs.quickly()
     # Figures mostly wait for compilations, which take one core each.
     jobs = options.jobs or min(2, os.cpu_count() or 1)
+    remains = f"what was finished stays in {options.out}"
     job = None
     try:
         if options.distributed or options.coordinator:
-            job = _join(options)
-        with memory.watched() as peak:
-            grow = partial(page.write, options.out, catalogue)
-            failed = update(names, catalogue, options.out, options.quality, jobs, job, grow)
+            job = Job(Where(options.coordinator, options.processes, options.process_id))
+        with peak_memory() as peak:
+            tasks = plan(names, catalogue, options.quality, options.out)
+            if job is None:
+                failed = update(tasks, options.out, jobs, partial(page.write, options.out, catalogue))
+            else:
+                failed = share(tasks, options.out, jobs, job)
         shown = (job is not None and job.process > 0) or _show(options.out, catalogue, failed)
         if job is not None:
             job.meet("shown")
             job.leave()
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C would only disturb the exit
-        if job is not None:
-            job.desert()
-        print(f"interrupted: what was finished stays in {options.out}", file=sys.stderr)
+        print(f"interrupted: {remains}", file=sys.stderr)
         return 130
+    except JobError as error:
+        print(f"{error}: {remains}, and the same command goes on with the rest", file=sys.stderr)
+        return 1
+    finally:
+        if job is not None:
+            job.end()
     if peak.bytes:
         print(f"peak memory of all processes: {peak.bytes / 1e9:.2f} GB")
     if failed:
@@ -119,7 +127,7 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     return 1 if failed or not shown else 0
 
 
-def _chosen(options: argparse.Namespace, catalogue: Mapping[str, Entry]) -> list[str]:
+def _choose(options: argparse.Namespace, catalogue: Mapping[str, Entry]) -> list[str]:
     """Return the figures to make, in order, and say which of those named have no draft."""
     between = (name for name in catalogue if name not in (*FIRST, *LAST) and name not in OURS)
     papers = [name for name in (*FIRST, *between, *LAST) if name in catalogue]
@@ -140,12 +148,6 @@ def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -
         print(f"the page cannot be written: {error}", file=sys.stderr)
         return False
     return True
-
-
-def _join(options: argparse.Namespace) -> Job:
-    """Meet the other processes of a job, or end with a message."""
-    where = Where(options.coordinator, options.processes, options.process_id)
-    return Job(where, f"what was finished stays in {options.out}, and the same command goes on with the rest")
 
 
 def until_nobody_reads() -> int:

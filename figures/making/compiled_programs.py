@@ -1,4 +1,4 @@
-"""Programs that JAX has compiled, kept on disk from run to run: most of the time that drafts take.
+"""Where JAX keeps compiled programs from run to run: most of the time that drafts take.
 
 JAX looks programs up by what they compute, its version and its options, in a folder that the environment
 names before JAX is imported. A program counts as used when it is read, as far as the file system notes that.
@@ -20,7 +20,7 @@ from figures.making import store
 from figures.making.this_machine import features
 
 MOST = 2**30
-"""Bytes that stay."""
+"""Bytes that stay; JAX's own limit looks at all of them whenever it adds one."""
 
 FOLDER, SWITCH = "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_COMPILATION_CACHE"
 ALL = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
@@ -33,6 +33,7 @@ QUICK_OF = "0.10."
 """Versions of jaxlib that are known to have the flags: XLA ends a process that names one it does not have."""
 
 UNREADABLE = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")
+UNWRITABLE = "Error writing persistent compilation cache entry"
 
 
 def keep(warn: Callable[[str], None]) -> None:
@@ -55,14 +56,6 @@ def keep(warn: Callable[[str], None]) -> None:
         os.environ.setdefault(name, value)
 
 
-def quickly() -> None:
-    """Let processes that start from now on compile in less time programs that take more: for small images."""
-    flags = os.environ.get("XLA_FLAGS", "")
-    if importlib.metadata.version("jaxlib").startswith(QUICK_OF):
-        wanted = [flag for flag in QUICK if flag.partition("=")[0] not in flags]
-        os.environ["XLA_FLAGS"] = " ".join([*flags.split(), *wanted])
-
-
 def place() -> Path:
     """Return the folder for this kind of processor, below the user's folder for what can be made again.
 
@@ -71,15 +64,35 @@ def place() -> Path:
     named = os.environ.get("XDG_CACHE_HOME", "")
     if os.path.isabs(named):  # The specification has others ignored.
         caches = Path(named)
-    elif sys.platform == "darwin":
-        caches = Path.home() / "Library" / "Caches"
     elif sys.platform == "win32":
         caches = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     else:
-        caches = Path.home() / ".cache"
+        caches = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
     # Machines that share a home may differ in the instructions that they understand.
     kind = hashlib.sha256(f"{platform.machine()} {features()}".encode()).hexdigest()[:12]
     return caches / "qmcjax" / "programs" / kind
+
+
+def _forget(folder: Path, most: int = MOST) -> None:
+    """Remove the programs that were not used for the longest time, until the others take no more bytes."""
+    entries = []
+    for path in folder.rglob("*-cache"):
+        with suppress(OSError):  # Another process may remove them.
+            status = path.stat()
+            entries.append((max(status.st_atime, status.st_mtime), status.st_size, path))
+    for _, size, path in sorted(entries, reverse=True):
+        most -= size
+        if most < 0:
+            with suppress(OSError):
+                path.unlink()
+
+
+def quickly() -> None:
+    """Let processes that start from now on compile in less time programs that take more: for small images."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    if importlib.metadata.version("jaxlib").startswith(QUICK_OF):
+        wanted = [flag for flag in QUICK if flag.partition("=")[0] not in flags]
+        os.environ["XLA_FLAGS"] = " ".join([*flags.split(), *wanted])
 
 
 def measure_without() -> None:
@@ -96,35 +109,19 @@ def measure_without() -> None:
 def heal() -> None:
     """Remove programs that cannot be read, and say only once if programs cannot be written.
 
-    Files are cut off where a process was killed as it wrote. JAX then warns, compiles, and writes the program
+    Files are cut off where a process was killed as JAX wrote. It then warns, compiles, and writes the program
     if there is no file.
     """
-    show, told = warnings.showwarning, False
+    show, full = warnings.showwarning, False
 
-    def heard(message, category, filename, lineno, file=None, line=None):  # as Python's
-        nonlocal told
-        text = str(message)
-        found = UNREADABLE.search(text)
-        if found:
-            for path in Path(os.environ.get(FOLDER, "")).glob(f"{glob.escape(found[1])}-*-cache"):
-                with suppress(OSError):
-                    path.unlink()
-        elif not (told and text.startswith("Error writing persistent compilation cache entry")):
-            told = told or text.startswith("Error writing persistent compilation cache entry")
-            show(message, category, filename, lineno, file, line)
+    def hear(message, *where, **more):
+        nonlocal full
+        unreadable, unwritable = UNREADABLE.search(str(message)), str(message).startswith(UNWRITABLE)
+        if unreadable:
+            for path in Path(os.environ.get(FOLDER, "")).glob(f"{glob.escape(unreadable[1])}-*-cache"):
+                path.unlink(missing_ok=True)
+        elif not (full and unwritable):
+            full = full or unwritable
+            show(message, *where, **more)
 
-    warnings.showwarning = heard
-
-
-def _forget(folder: Path, most: int = MOST) -> None:
-    """Remove the programs that were not used for the longest time, until the others take no more bytes."""
-    entries = []
-    for path in folder.rglob("*-cache"):
-        with suppress(OSError):  # Another process may remove them.
-            status = path.stat()
-            entries.append((max(status.st_atime, status.st_mtime), status.st_size, path))
-    for _, size, path in sorted(entries, reverse=True):
-        most -= size
-        if most < 0:
-            with suppress(OSError):
-                path.unlink()
+    warnings.showwarning = hear

@@ -8,6 +8,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from figures.making import store
+
 
 class Place(NamedTuple):
     """Where a figure's cells are while it is being made."""
@@ -30,9 +32,51 @@ class Place(NamedTuple):
             self.claims.mkdir(exist_ok=True)
             (self.claims / "ended").touch()
 
+    def claim(self, cell: str) -> bool:
+        """Take a cell that no process of the job has taken."""
+        return self.claims is None or take(self.claims / cell)
+
+    def read(self, cell: str) -> Any:
+        """Return a finished cell, or None."""
+        import numpy as np
+
+        try:
+            return np.load(self.kept / f"{cell}.npy")
+        except (FileNotFoundError, ValueError, EOFError):  # none, or not a whole one
+            return None
+
+    def keep(self, cell: str, array: Any) -> None:
+        import numpy as np
+
+        buffer = BytesIO()
+        np.save(buffer, array, allow_pickle=False)
+        self.kept.mkdir(parents=True, exist_ok=True)
+        store.write(self.kept / f"{cell}.npy", buffer.getvalue())
+
+    def wait_for(self, cell: str, name: str) -> Any:
+        """Return what another process of the job computes; if that is lost, the job ends."""
+        while True:
+            over = self.ended()
+            array = self.read(cell)
+            if array is not None:
+                return array
+            if over:
+                raise RuntimeError(f"another process could not compute {name}: it says why")
+            time.sleep(0.1)
+
 
 PLACE: ContextVar[Place | None] = ContextVar("place", default=None)
 """That of the figure that this process makes; without one, cells are but computed."""
+
+
+def take(path: Path) -> bool:
+    """Take what stands for ``path``, and return whether no process has taken it before."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        path.with_name(f"{path.name}.taken").touch(exist_ok=False)
+    except FileExistsError:
+        return False
+    return True
 
 
 def shared(
@@ -47,72 +91,25 @@ def shared(
     they take longer, and are better not begun at the end. ``progress``: called with the finished part in
     (0, 1]. Raises RuntimeError if another process of the job could not compute a cell that it had taken.
     """
-    found: dict[str, Any] = {}
+    import numpy as np
+
+    arrays: dict[str, Any] = {}
 
     def add(name: str, array: Any) -> None:
-        found[name] = array
-        progress(len(found) / len(cells))
+        arrays[name] = array
+        progress(len(arrays) / len(cells))
 
     files = {name: hashlib.sha256(f"{label}: {name}".encode()).hexdigest()[:32] for name in cells}
     place = PLACE.get()
     for name, compute in reversed(list(cells.items())):
-        kept = None if place is None else _read(place, files[name])
-        if kept is not None:
-            add(name, kept)
-        elif place is None or _claimed(place, files[name]):
-            add(name, _keep(place, files[name], compute()))
+        array = place.read(files[name]) if place else None
+        if array is None and (place is None or place.claim(files[name])):
+            array = np.asarray(compute())
+            if place:
+                place.keep(files[name], array)
+        if array is not None:
+            add(name, array)
     for name in cells:
-        if name not in found and place is not None:
-            add(name, _awaited(place, files[name], f"{label}, {name}"))
-    return {name: found[name] for name in cells}
-
-
-def _path(place: Place, file: str) -> Path:
-    return place.kept / f"{file}.npy"
-
-
-def _read(place: Place, file: str) -> Any:
-    """Return a finished cell, or None."""
-    import numpy as np
-
-    try:
-        return np.load(_path(place, file))
-    except (FileNotFoundError, ValueError, EOFError):  # none, or not a whole one
-        return None
-
-
-def _keep(place: Place | None, file: str, array: Any) -> Any:
-    import numpy as np
-
-    from figures.making import store
-
-    array, buffer = np.asarray(array), BytesIO()
-    if place is not None:
-        np.save(buffer, array, allow_pickle=False)
-        place.kept.mkdir(parents=True, exist_ok=True)
-        store.write(_path(place, file), buffer.getvalue())
-    return array
-
-
-def _claimed(place: Place, file: str) -> bool:
-    """Take a cell that no process of the job has taken."""
-    if place.claims is None:
-        return True
-    place.claims.mkdir(parents=True, exist_ok=True)
-    try:
-        (place.claims / f"{file}.taken").touch(exist_ok=False)
-    except FileExistsError:
-        return False
-    return True
-
-
-def _awaited(place: Place, file: str, name: str) -> Any:
-    """Return what another process of the job computes. If that is lost, the job ends, and this process."""
-    while True:
-        over = place.ended()
-        kept = _read(place, file)
-        if kept is not None:
-            return kept
-        if over:
-            raise RuntimeError(f"another process could not compute {name}: it says why")
-        time.sleep(0.1)
+        if place and name not in arrays:
+            add(name, place.wait_for(files[name], f"{label}, {name}"))
+    return {name: arrays[name] for name in cells}

@@ -1,19 +1,39 @@
-"""A job of several processes, on one machine or many, that ends as a whole when one of them is lost."""
+"""A job of several processes, on one machine or many, which share the figures, or end together.
+
+JAX ends a process whose job has lost another one, whatever it is doing. So the one that JAX knows is not the
+command line but a member, ``python -m figures.making.job``, which does nothing but belong to the job: the
+command line reads what it says, and how it ended. It computes nothing, and leaves accelerators to others.
+"""
 
 import hashlib
 import json
 import os
+import queue
 import re
+import shutil
 import subprocess
 import sys
+import tempfile
 import threading
+import time
+import uuid
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
+
+from figures.making import store
+from figures.making.finished_cells import take
+from figures.making.updating import forget_cells, make, missing, outdated, say, warn
+from figures.making.workers import Failed, Task, run
 
 WAIT = 300
 """Seconds until all processes must have come."""
 
 HEARTBEAT = 20
 """Seconds without a sign of life after which a process is taken for dead."""
+
+VISIBLE = 60
+"""Seconds after which all machines see what one has written to a folder that they share."""
 
 SAID = "figures: "
 """Begins each line that a member of a job says."""
@@ -27,47 +47,57 @@ class Where(NamedTuple):
     process: int | None = None
 
 
+class JobError(Exception):
+    """A job has ended, and why."""
+
+
 class Job:
     """A process' place among those of a job."""
 
-    def __init__(self, where: Where, advice: str) -> None:
-        """Join a job. If that fails, or one is lost, this process ends with a message and advice."""
-        self._where, self._advice = where, advice
-        self._left = False
-        options = {**where._asdict(), "wait": WAIT, "heartbeat": HEARTBEAT}
+    def __init__(self, where: Where) -> None:
+        """Join a job. Raises JobError, as all methods, if that fails, or another process is lost."""
+        self._where = where
+        self._errors = tempfile.TemporaryFile("w+", errors="replace")
         self._member = subprocess.Popen(
-            [sys.executable, "-m", "figures.making.member", json.dumps(options)],
+            [
+                sys.executable,
+                "-m",
+                __name__,
+                json.dumps({**where._asdict(), "wait": WAIT, "heartbeat": HEARTBEAT}),
+            ],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=self._errors,
             text=True,
             errors="replace",
             start_new_session=True,  # Ctrl-C is this process' business.
         )
-        self._watching = threading.Thread(target=self._watch, daemon=True)
-        self._watching.start()
-        self.process, self.processes = self._heard("joined")
+        self.process, self.processes = self._hear("joined")
 
     def meet(self, about: Any) -> None:
-        """Wait for all processes, and end this one unless all are about the same, made of what JSON knows."""
+        """Wait for all processes, which must be about the same, made of what JSON knows."""
         self._tell(hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest())
-        words = self._heard("met")
+        words = self._hear("met")
         others = [str(k) for k, word in enumerate(words) if word != words[0]]
         if others:
-            self._end(
+            raise JobError(
                 f"process {', '.join(others)} was started with other names, another quality, other code or "
                 "versions of libraries than process 0, or does not share its output folder"
             )
 
+    def check(self) -> None:
+        """Raise JobError if the job has ended."""
+        if self._member.poll() is not None:
+            self._errors.seek(0)
+            raise JobError(explain(self._errors.read(), self._where))
+
     def leave(self) -> None:
         """Leave the job after all have met for the last time."""
-        self._left = True
         self._tell("leave")
         self._member.wait()
 
-    def desert(self) -> None:
-        """Leave the job at once: the others will miss this process."""
-        self._left = True
+    def end(self) -> None:
+        """Leave the job at once, unless it is left: the others will miss this process."""
         self._member.kill()
         self._member.wait()
 
@@ -76,32 +106,21 @@ class Job:
         try:
             print(json.dumps(word), file=self._member.stdin, flush=True)
         except BrokenPipeError:
-            self._watching.join()
+            self._explain()
 
-    def _heard(self, key: str) -> Any:
+    def _hear(self, key: str) -> Any:
         assert self._member.stdout is not None
         for line in self._member.stdout:
             if line.startswith(SAID):
                 return json.loads(line.removeprefix(SAID))[key]
-        self._watching.join()
-        raise AssertionError("the job ended, but not this process")
+        self._explain()
 
-    def _watch(self) -> None:
-        """Wait until the member ends, and end with it, whatever else goes on."""
-        assert self._member.stderr is not None
-        said = self._member.stderr.read()
+    def _explain(self) -> None:
         self._member.wait()
-        if not self._left:
-            self._end(explained(said, self._where))
-
-    def _end(self, why: str) -> None:
-        print(f"{why}: {self._advice}", file=sys.stderr, flush=True)
-        self._left = True
-        self._member.kill()
-        os._exit(1)  # This may not be the main thread. Workers end with this process.
+        self.check()
 
 
-def explained(said: str, where: Where) -> str:
+def explain(said: str, where: Where) -> str:
     """Return in a sentence why JAX ended a member of a job, from what it said; all of that if it is new."""
     if found := re.search(r"stopped sending heartbeats\):\s*([\d\s,]+)", said):
         lost = ", ".join(found[1].replace(",", " ").split())
@@ -122,3 +141,107 @@ def explained(said: str, where: Where) -> str:
             "--coordinator, --processes and --process-id are needed"
         )
     return said
+
+
+def share(tasks: Sequence[Task], folder: Path, jobs: int, job: Job) -> list[str]:
+    """Make this process' share of the figures, as :func:`figures.making.updating.update`.
+
+    Each process takes the next figure that nobody has taken, then helps with those of others. Those that run
+    alone are made by process 0 when all are done; it returns the failures of all processes.
+    """
+    place = folder / ".job"
+    token = place / "token"
+    if job.process == 0:
+        store.gather(folder, warn)
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir()
+        store.write(token, uuid.uuid4().hex.encode())
+    about = [(task.name, task.quality, task.fingerprint) for task in tasks]
+    job.meet(about)
+    _wait_for(token.exists, job)
+    left = outdated(tasks, folder)
+    # All wait here before one of them changes what others look at.
+    job.meet([about, token.read_text() if token.exists() else None, [task.name for task in left]])
+
+    together = [
+        task._replace(place=task.place._replace(claims=place / task.name))
+        for task in left
+        if task.place is not None and not task.alone
+    ]
+    failed = make(together, folder, jobs, job.process, lambda task: take(place / task.name), job.check)
+    _help(together, jobs, job)
+    job.meet("made")
+    if job.process:
+        return failed
+    shutil.rmtree(place, ignore_errors=True)
+
+    def lost() -> list[str]:
+        store.gather(folder, warn)
+        return [task.name for task in missing(together, folder)]
+
+    _wait_for(lambda: set(lost()) <= set(failed), job)
+    failed = lost() + make([task for task in left if task.alone], folder, jobs, check=job.check)
+    forget_cells(folder, {task.name for task in tasks} - set(failed))
+    return failed
+
+
+def _help(tasks: Sequence[Task], jobs: int, job: Job) -> None:
+    """Compute cells of figures that other processes are making, until all are made."""
+    helped: set[str] = set()
+    while places := {task: task.place for task in tasks if task.place and not task.place.ended()}:
+        ready = [task for task, place in places.items() if place.begun() and task.name not in helped]
+        for task, result in run(ready, jobs, watch=lambda _: job.check()):
+            if isinstance(result, Failed) and not places[task].ended():
+                say(result.trace.rstrip(), sys.stderr)
+                places[task].end()
+        helped.update(task.name for task in ready)
+        job.check()
+        time.sleep(0.2)
+
+
+def _wait_for(condition: Callable[[], bool], job: Job) -> None:
+    """Wait until all of a folder is seen that others have written to: a network's may show it later."""
+    end = time.monotonic() + VISIBLE
+    while not condition() and time.monotonic() < end:
+        job.check()
+        time.sleep(0.5)
+
+
+def belong(options: dict[str, Any]) -> None:
+    """Join the job as JAX knows it, say so, and meet the others when told, until told to leave."""
+    import jax
+    import numpy as np
+    from jax.experimental import multihost_utils
+
+    jax.config.update("jax_platforms", "cpu")
+    jax.config.update("jax_num_cpu_devices", 1)
+    jax.distributed.initialize(
+        options["coordinator"],
+        options["processes"],
+        options["process"],
+        local_device_ids=[0],
+        initialization_timeout=options["wait"],
+        heartbeat_timeout_seconds=options["heartbeat"],
+    )
+    words: queue.SimpleQueue[str] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(words,), daemon=True).start()
+    _say(joined=[jax.process_index(), jax.process_count()])
+    while (word := words.get()) != "leave":
+        every = multihost_utils.process_allgather(np.frombuffer(bytes.fromhex(word), np.uint32))
+        _say(met=[each.tobytes().hex() for each in every.reshape(jax.process_count(), -1)])
+    jax.distributed.shutdown()
+
+
+def _listen(words: queue.SimpleQueue[str]) -> None:
+    for line in sys.stdin:
+        words.put(json.loads(line))
+    os._exit(1)  # The command line ended: so does this, without a word to the others, who will miss it.
+
+
+def _say(**what: Any) -> None:
+    # JAX prints, too, and not always to the end of a line.
+    print(f"\n{SAID}{json.dumps(what)}", flush=True)
+
+
+if __name__ == "__main__":
+    belong(json.loads(sys.argv[1]))

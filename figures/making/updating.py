@@ -1,124 +1,158 @@
 """Bring an output folder up to date: make what is missing or whose code changed."""
 
+import json
 import shutil
 import sys
 import time
-import uuid
 from collections.abc import Callable, Collection, Mapping, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
+from typing import Any, TextIO
+
+from tqdm import tqdm
 
 from figures.catalogue import Entry
 from figures.making import store
-from figures.making.figures import CELLS, make, outdated, say, warn
 from figures.making.fingerprint import fingerprint
 from figures.making.finished_cells import Place
-from figures.making.job import Job
-from figures.making.runner import run
-from figures.making.worker import Failed, Task
+from figures.making.workers import Done, Failed, Task, run
 
-SEEN = 60
-"""Seconds after which all machines see what one has written to a folder that they share."""
+CELLS = ".cells"
+"""The folder of what is finished of figures that are not."""
+
+PAGE_INTERVAL = 5
+"""Seconds: the page grows with the figures."""
+
+
+def plan(names: Sequence[str], catalogue: Mapping[str, Entry], quality: str, folder: Path) -> list[Task]:
+    """Return what makes figures, in the order in which they are made.
+
+    ``quality``: ``"draft"`` or ``"paper"``, in which figures that measure time run alone, at the end: jobs
+    need not wait for each other in between.
+    """
+    tasks = []
+    for name in names:
+        entry = catalogue[name]
+        content = fingerprint(entry.module, quality)
+        alone, place = quality == "paper" and entry.timed, Place(folder / CELLS / name / content)
+        tasks.append(Task(name, entry.module, quality, entry.title, content, alone, place))
+    if quality == "paper":
+        tasks.sort(key=lambda task: (task.alone, not catalogue[task.name].long))
+    return tasks
 
 
 def update(
-    names: Sequence[str],
-    catalogue: Mapping[str, Entry],
+    tasks: Sequence[Task],
     folder: Path,
-    quality: str,
     jobs: int,
-    job: Job | None = None,
     grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
     """Make the figures that are not up to date, say what became of each, and return which failed.
 
     ``folder``: exists; gets ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of figures
-    that have a table, and ``<name>.<image>.webp`` of those that hand out images. ``quality``: ``"draft"`` or
-    ``"paper"``. ``jobs``: how many figures to make at a time; in paper quality those that measure time run
-    alone, at the end. ``job``: its processes share the work and the folder: each takes the next figure that
-    nobody has taken, and those that run alone are made by process 0 when the others are done. Process 0
-    returns the failures of all processes. ``grow``: called now and then with the names of the figures that
-    failed so far, without a job only.
+    that have a table, and ``<name>.<image>.webp`` of those that hand out images. ``jobs``: how many figures
+    to make at a time. ``grow``: called now and then with the names of the figures that failed so far.
     """
-    fingerprints = {name: fingerprint(catalogue[name].module, quality) for name in names}
-    if job is not None:
-        return _shared(job, catalogue, folder, quality, jobs, fingerprints)
     store.gather(folder, warn)
-    tasks = _told(outdated(catalogue, folder, quality, fingerprints), names)
-    failed = make(tasks, catalogue, folder, jobs, fingerprints, grow=grow)
-    _forget_cells(folder, set(names) - set(failed))
+    failed = make(outdated(tasks, folder), folder, jobs, grow=grow)
+    forget_cells(folder, {task.name for task in tasks} - set(failed))
     return failed
 
 
-def _shared(
-    job: Job,
-    catalogue: Mapping[str, Entry],
+def outdated(tasks: Sequence[Task], folder: Path) -> list[Task]:
+    """Return the figures to make, and say which are up to date."""
+    if any(folder.glob("*.png")) and not (folder / store.NUMBERS).exists():
+        warn(f"{folder / store.NUMBERS} is missing: the figures are made anew")
+    left = missing(tasks, folder)
+    for task in tasks:
+        if task not in left:
+            say(f"{task.name}: up to date")
+    return left
+
+
+def missing(tasks: Sequence[Task], folder: Path) -> list[Task]:
+    """Return the figures that are not there as they are to be, with all their files."""
+    entries = store.known(folder, warn)
+    return [task for task in tasks if not _is_whole(task, folder, entries.get(task.name, {}))]
+
+
+def _is_whole(task: Task, folder: Path, entry: Mapping[str, Any]) -> bool:
+    ends = ("png", "webp", *entry.get("files", ()))
+    files = [f"{task.name}.{end}" for end in ends] + store.image_files(task.name, entry)
+    return entry.get("fingerprint") == task.fingerprint and all((folder / file).is_file() for file in files)
+
+
+def make(
+    tasks: Sequence[Task],
     folder: Path,
-    quality: str,
     jobs: int,
-    fingerprints: Mapping[str, str],
+    process: int | None = None,
+    claim: Callable[[Task], bool] = lambda task: True,
+    check: Callable[[], None] = lambda: None,
+    grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make this process' share of the figures, and in process 0, in the end, those that run alone."""
-    place = folder / ".job"
-    token = place / "token"
-    if job.process == 0:
-        store.gather(folder, warn)
-        shutil.rmtree(place, ignore_errors=True)
-        place.mkdir()
-        store.write(token, uuid.uuid4().hex.encode())
-    about = [quality, dict(fingerprints)]
-    job.meet(about)
-    _until(token.exists)
-    tasks = _told(outdated(catalogue, folder, quality, fingerprints), list(fingerprints))
-    # All wait here before one of them changes what others look at.
-    job.meet([*about, token.read_text() if token.exists() else None, [task.name for task in tasks]])
+    """Make figures, keep them, and return which failed.
 
-    def claim(task: Task) -> bool:
-        """Take a figure that no process has taken."""
-        try:
-            (place / f"{task.name}.taken").touch(exist_ok=False)
-        except FileExistsError:
-            return False
-        return True
+    ``process``: the number of this one in a job, where ``claim`` takes a figure that no other one makes, and
+    ``check`` raises an exception when the job has ended.
+    """
+    failed: list[str] = []
+    ended, due = 0, 0.0
+    layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
+    with tqdm(total=len(tasks), bar_format=layout, leave=False, disable=None) as bar:
 
-    together = [
-        task._replace(place=Place(folder / CELLS / task.name / fingerprints[task.name], place / task.name))
-        for task in tasks
-        if not task.alone
-    ]
-    failed = make(together, catalogue, folder, jobs, fingerprints, job.process, claim)
-    _help(together, jobs)
-    job.meet("made")
-    if job.process:
-        return failed
-    shutil.rmtree(place, ignore_errors=True)
+        def take(task: Task) -> bool:
+            """Claim a figure, or take it off the bar."""
+            claimed = claim(task)
+            bar.total -= not claimed
+            return claimed
 
-    def missing() -> list[str]:
-        store.gather(folder, warn)
-        tasks = outdated(catalogue, folder, quality, fingerprints)
-        return [task.name for task in tasks if not task.alone]
+        def watch(fractions: Mapping[str, float]) -> None:
+            check()
+            bar.n = ended + sum(fractions.values())
+            bar.set_description(", ".join(fractions))
 
-    _until(lambda: set(missing()) <= set(failed))
-    alone = [task for task in tasks if task.alone]
-    failed = missing() + make(alone, catalogue, folder, jobs, fingerprints)
-    _forget_cells(folder, set(fingerprints) - set(failed))
+        with closing(run(tasks, jobs, take, watch)) as results:
+            for task, result in results:
+                ended += 1
+                if not _finish(folder, task, result, process):
+                    failed.append(task.name)
+                if task.place is not None:
+                    task.place.end()
+                if grow is not None and time.monotonic() >= due:
+                    with suppress(OSError):  # The command says so in the end.
+                        grow(failed)
+                    due = time.monotonic() + PAGE_INTERVAL
     return failed
 
 
-def _help(tasks: Sequence[Task], jobs: int) -> None:
-    """Compute cells of figures that other processes are making, until all are made."""
-    helped: set[str] = set()
-    while places := {task: task.place for task in tasks if task.place and not task.place.ended()}:
-        ready = [task for task, place in places.items() if place.begun() and task.name not in helped]
-        for task, message in run(ready, jobs):
-            if isinstance(message, Failed) and not places[task].ended():
-                say(message.trace.rstrip(), sys.stderr)
-                places[task].end()
-        helped.update(task.name for task in ready)
-        time.sleep(0.2)
+def _finish(folder: Path, task: Task, result: Done | Failed, process: int | None = None) -> bool:
+    """Keep a figure, say what became of it, and return whether it is there."""
+    kept = result if isinstance(result, Failed) else _keep(folder, task, result, process)
+    if isinstance(kept, Failed):
+        say(f"{task.name}: failed")
+        say(kept.trace.rstrip(), sys.stderr)
+        return False
+    say(f"{task.name}: {kept:.1f} s")
+    return True
 
 
-def _forget_cells(folder: Path, names: Collection[str]) -> None:
+def _keep(folder: Path, task: Task, done: Done, process: int | None) -> float | Failed:
+    """Write a figure, its entry last, since only the entry says that the picture is up to date."""
+    head = {"title": task.title, "quality": task.quality, "fingerprint": task.fingerprint}
+    entry = head | json.loads(done.entry)
+    try:
+        for end, file in done.files.items():
+            store.write(folder / f"{task.name}.{end}", file)
+        if "table" in entry["numbers"]:
+            store.write(folder / f"{task.name}.csv", store.as_csv(entry["numbers"]["table"]))
+        store.record(folder, task.name, entry, warn, process)
+    except OSError as error:
+        return Failed(f"{task.name}: cannot be written: {error}")
+    return entry["seconds"]
+
+
+def forget_cells(folder: Path, names: Collection[str]) -> None:
     """Delete what is not needed any more of figures that are finished."""
     for name in names:
         shutil.rmtree(folder / CELLS / name, ignore_errors=True)
@@ -126,17 +160,12 @@ def _forget_cells(folder: Path, names: Collection[str]) -> None:
         (folder / CELLS).rmdir()
 
 
-def _until(condition: Callable[[], bool]) -> None:
-    """Wait until all of a folder is seen that others have written to: a network's may show it later."""
-    end = time.monotonic() + SEEN
-    while not condition() and time.monotonic() < end:
-        time.sleep(0.5)
+def warn(text: str) -> None:
+    """Say what is wrong, beside the progress."""
+    say(f"warning: {text}", sys.stderr)
 
 
-def _told(tasks: list[Task], names: Sequence[str]) -> list[Task]:
-    """Say which figures are up to date, and return the others."""
-    rest = {task.name for task in tasks}
-    for name in names:
-        if name not in rest:
-            say(f"{name}: up to date")
-    return tasks
+def say(line: str, file: TextIO | None = None) -> None:
+    file = file or sys.stdout
+    with tqdm.external_write_mode(file=file):
+        print(line, file=file, flush=True)

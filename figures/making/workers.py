@@ -1,0 +1,257 @@
+"""Processes that make one figure after the other, so that JAX starts once."""
+
+import gc
+import importlib
+import io
+import json
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections import deque
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from datetime import UTC, datetime
+from multiprocessing.context import ForkServerContext, SpawnContext
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from figures.making import compiled_programs
+from figures.making.finished_cells import PLACE, Place
+from figures.making.schema import check_numbers
+from figures.making.this_machine import machine, resident
+
+DPI = 150
+INTERVAL = 0.05
+"""Seconds between looks at what the workers are at."""
+
+MEMORY = 500_000_000
+"""Bytes: a worker that holds more after a task makes room for a new one."""
+
+MAPS = 30_000
+"""Programs are forgotten above it. Each that is compiled has maps of memory, of which Linux allows a
+process 65,530; LLVM ends the process where there are no more."""
+
+PRELOADED = (
+    "matplotlib.backends.backend_agg",
+    "matplotlib.pyplot",
+    "PIL.PngImagePlugin",
+    "PIL.WebPImagePlugin",
+    "figures.shared.sheets.image_sheets",
+    "figures.shared.rendered.pixel_sets",
+)
+"""What most figures import: to import JAX, SciPy and matplotlib takes longer than many drafts. No backend of
+JAX may start by it, whose threads do not survive a fork."""
+
+
+class Task(NamedTuple):
+    """A figure to make."""
+
+    name: str
+    module: str
+    quality: str
+    title: str = ""
+    fingerprint: str = ""
+    alone: bool = False
+    """Whether no other task may run beside it: it measures time, that of compiling as well."""
+    place: Place | None = None
+    """Where cells are kept and shared."""
+
+
+class Done(NamedTuple):
+    """A figure that was made."""
+
+    entry: str
+    """Its entry in ``numbers.json``, as JSON: unpickling NumPy's scalars would import NumPy."""
+    files: dict[str, bytes]
+    """The picture, a smaller one for the page and what is handed out, by the ends of their names."""
+
+
+class Failed(NamedTuple):
+    trace: str
+
+
+def run(
+    tasks: Sequence[Task],
+    jobs: int,
+    claim: Callable[[Task], bool] = lambda task: True,
+    watch: Callable[[Mapping[str, float]], object] = lambda fractions: None,
+) -> Generator[tuple[Task, Done | Failed], None, None]:
+    """Yield tasks and what came of each, ``jobs`` at a time if they may, and kill the workers when closed.
+
+    Tasks are started in their order; a worker is kept for the next one. ``claim`` is asked before a task is
+    started; one for which it returns False is left out. ``watch`` is called all the time, with the finished
+    fractions of the tasks that run, by their names; what it raises ends all.
+    """
+    # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
+    # huge pages are a matter of the environment before a process starts.
+    os.environ.setdefault("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1")
+    os.environ["MPLBACKEND"] = "Agg"
+    context = _context(tasks)
+    waiting = deque(tasks)
+    idle: list[_Worker] = []
+    busy: dict[Future[Done | Failed], _Worker] = {}
+    try:
+        while waiting or busy:
+            while waiting and _may_start(waiting[0], [worker.task for worker in busy.values()], jobs):
+                task = waiting.popleft()
+                if claim(task):
+                    idle = [worker for worker in idle if worker.process.is_alive()]
+                    worker = idle.pop() if idle else _Worker(context)
+                    busy[worker.start(task)] = worker
+            watch({worker.task.name: worker.fraction.value for worker in busy.values()})
+            for future in wait(busy, INTERVAL, FIRST_COMPLETED).done:
+                worker = busy.pop(future)
+                try:
+                    result = future.result()
+                except BrokenProcessPool:
+                    result = Failed(
+                        f"{worker.task.name}: its process ended with exit status {worker.end()}\n"
+                    )
+                else:
+                    if resident(worker.process.pid or 0) > MEMORY:
+                        worker.end()
+                    else:
+                        idle.append(worker)
+                yield worker.task, result
+    finally:
+        for worker in [*idle, *busy.values()]:
+            worker.end()
+
+
+def _may_start(task: Task, running: Sequence[Task], jobs: int) -> bool:
+    return len(running) < jobs and not (running and any(each.alone for each in (task, *running)))
+
+
+def _context(tasks: Sequence[Task]) -> SpawnContext | ForkServerContext:
+    """Fork workers for the project's figures, where that is safe, from a process that has imported much."""
+    if sys.platform != "linux" or not all(task.module.startswith("figures.") for task in tasks):
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(PRELOADED))
+    return context
+
+
+class _Worker:
+    """A pool of one process: one that is lost takes no task with it but its own."""
+
+    def __init__(self, context: SpawnContext | ForkServerContext) -> None:
+        self.fraction = context.RawValue("d")
+        self._pool = ProcessPoolExecutor(1, context, _begin, (self.fraction,))
+        others = set(multiprocessing.active_children())
+        # Ctrl-C reaches every process of a terminal. It is this one's business: a signal that is
+        # ignored when a process starts stays ignored in it, from before its first import on.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            self._pool.submit(int)
+        finally:
+            signal.signal(signal.SIGINT, handler)
+        (self.process,) = set(multiprocessing.active_children()) - others
+
+    def start(self, task: Task) -> Future[Done | Failed]:
+        self.task = task
+        self.fraction.value = 0.0
+        return self._pool.submit(_answer, task)
+
+    def end(self) -> int | None:
+        """Kill the process, unless it has ended, and return its exit status."""
+        self.process.kill()
+        self._pool.shutdown()
+        return self.process.exitcode
+
+
+_fraction: Any = None
+"""The part of its task that this process has finished, in memory that it shares with the command."""
+
+
+def _begin(fraction: Any) -> None:
+    global _fraction
+    _fraction = fraction
+    gc.freeze()  # Collections would write to, and so copy, all that was imported before a fork.
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    compiled_programs.heal()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _answer(task: Task) -> Done | Failed:
+    def progress(fraction: float) -> None:
+        _fraction.value = min(max(float(fraction), 0.0), 1.0)
+
+    if task.alone:
+        compiled_programs.measure_without()
+    try:
+        return draw(task, progress)
+    except Exception:  # The command shows it whole, and the other figures still run.
+        return Failed(traceback.format_exc())
+    finally:
+        forget_programs()
+
+
+def draw(task: Task, progress: Callable[[float], None]) -> Done:
+    """Make a figure; raise a TypeError or ValueError if what its module returns is none."""
+    start = time.perf_counter()
+    module, _, function = task.module.partition(":")
+    make = getattr(importlib.import_module(module), function or "make")
+
+    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
+
+    from figures._rc import rc
+
+    PLACE.set(task.place)
+    with rc():  # What a figure does to matplotlib's parameters must not reach the next one.
+        parts = make(task.quality, progress)
+        if not (len(parts) in (2, 3, 4) and isinstance(parts[0], Figure) and isinstance(parts[1], dict)):
+            types = ", ".join(type(part).__name__ for part in parts)
+            name = f"{module}.{function or 'make'}"
+            raise TypeError(f"{name} must return a matplotlib Figure and a dict, got ({types})")
+        picture, numbers, *handed = parts
+        images, others = (*handed, *(None, {})[len(handed) :])
+        check_numbers(numbers)
+        files = _encode(picture)
+    plt.close("all")
+    entry = {"numbers": numbers}
+    if images:
+        from figures.making import web_images
+
+        encoded, entry["images"] = web_images.encode(images)
+        files |= encoded
+    if others:
+        files |= others
+        entry["files"] = list(others)
+    jax = sys.modules.get("jax")
+    made = {
+        "seconds": round(time.perf_counter() - start, 2),
+        "date": datetime.now(UTC).date().isoformat(),
+        "machine": machine() | ({"device": jax.devices()[0].device_kind} if jax else {}),
+    }
+    return Done(json.dumps(made | entry, allow_nan=False), files)
+
+
+def _encode(picture: Any) -> dict[str, bytes]:
+    """Return a figure as a PNG, and as a WebP of the same pixels and half the size for the page."""
+    from PIL import Image
+
+    buffer, png, webp = io.BytesIO(), io.BytesIO(), io.BytesIO()
+    picture.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 0})
+    with Image.open(buffer) as image:
+        pixels = image.convert("RGB")  # None is transparent.
+    pixels.save(png, format="png", dpi=(DPI, DPI))  # optimize=True: 8 times the time for 2 % less.
+    pixels.save(webp, format="webp", lossless=True, method=1, quality=20)  # Half the time for 20 % more.
+    return {"png": png.getvalue(), "webp": webp.getvalue()}
+
+
+def forget_programs() -> None:
+    jax, maps = sys.modules.get("jax"), Path("/proc/self/maps")
+    if jax and maps.exists() and maps.read_bytes().count(b"\n") > MAPS:
+        jax.clear_caches()

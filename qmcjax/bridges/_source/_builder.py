@@ -13,7 +13,7 @@ from qmcjax.bridges._source._operations import (
     limits_of,
     may_be_nan,
 )
-from qmcjax.bridges._source._program import BOOL, UINT, Loop, Table, Value
+from qmcjax.bridges._source._program import BOOL, Loop, Table, Value
 
 TINY = 4
 """Largest table that is selected from."""
@@ -39,7 +39,7 @@ class Builder:
 
     def _numbered(self, value: Value) -> Value:
         self._count += 1
-        value.number = self._count
+        value.number, value.builder = self._count, self
         value.origin = self.origin
         return value
 
@@ -120,9 +120,8 @@ class Builder:
 
     def _by_power(self, kind: str, first: Value, exponent: int) -> Value:
         if kind == "rem":
-            return self.apply("and", first, self.constant((1 << exponent) - 1, first.dtype))
-        by = self.constant(exponent, first.dtype)
-        return self.apply("shift_left" if kind == "mul" else "shift_right_logical", first, by)
+            return first & (1 << exponent) - 1
+        return first << exponent if kind == "mul" else first >> exponent
 
     def _vanishing(self, kind: str, first: Value, last: Value) -> Value | None:
         """Return what is left of a finite float times 0, and of its sum with something that is not 0."""
@@ -159,8 +158,8 @@ class Builder:
         if condition.kind == "not":
             return self.select(condition.arguments[0], if_false, if_true)
         if if_true.dtype == BOOL:
-            either = self.apply("and", self.apply("not", condition), if_false)
-            return self.apply("or", self.apply("and", condition, if_true), either)
+            either = ~condition & if_false
+            return condition & if_true | either
         return self._new("select", if_true.dtype, (condition, if_true, if_false))
 
     def convert(self, value: Value, dtype: np.dtype) -> Value:
@@ -174,7 +173,7 @@ class Builder:
         if value.dtype == dtype:
             return value
         if dtype == BOOL:
-            return self.apply("ne", value, self.constant(0, value.dtype))
+            return value.apply("ne", 0)
         if value.kind == "convert" and dtype.kind in "iu" and value.dtype.kind in "iu":
             inner = value.arguments[0]
             if inner.dtype.kind in "iu" and dtype.itemsize <= value.dtype.itemsize:
@@ -194,17 +193,13 @@ class Builder:
         end = real.type(limits.max)
         last = end if int(end) <= limits.max else np.nextafter(end, real.type(0))
         if may_be_nan(value):
-            value = self.select(self.apply("ne", value, value), self.constant(real.type(0)), value)
-        inside = self.apply("max", value, self.constant(real.type(limits.min)))
-        inside = self.apply("min", inside, self.constant(last))
-        if inside.kind == "constant":
-            made = self.constant(inside.detail, wide)
-        else:
-            made = self._new("convert", wide, (inside,))
+            value = self.select(value.apply("ne", value), self.constant(real.type(0)), value)
+        inside = value.apply("max", self.constant(real.type(limits.min))).apply("min", self.constant(last))
+        known = inside.kind == "constant"
+        made = self.constant(inside.detail, wide) if known else self._new("convert", wide, (inside,))
         if int(last) == limits.max:
             return made
-        beyond = self.apply("ge", value, self.constant(end))
-        return self.select(beyond, self.constant(limits.max, wide), made)
+        return self.select(value >= self.constant(end), self.constant(limits.max, wide), made)
 
     def bitcast(self, value: Value, dtype: np.dtype) -> Value:
         """Return the same bits in another dtype of the same size."""
@@ -219,22 +214,20 @@ class Builder:
     def divided(self, kind: str, first: Value, last: Value) -> Value:
         """Return a quotient or remainder of integers as in XLA, where divisors may be 0."""
         zero, one = self.constant(0, first.dtype), self.constant(1, first.dtype)
-        ones = self.apply("not", zero)
+        ones = ~zero
         by_zero = ones if kind == "div" else first
         bounds = interval(last)
-        if bounds is None or not bounds[0] <= 0 <= bounds[1]:
-            is_zero = self.constant(np.False_)
-        else:
-            is_zero = self.apply("eq", last, zero)
+        impossible = bounds is None or not bounds[0] <= 0 <= bounds[1]
+        is_zero = self.constant(np.False_) if impossible else last.equals(0)
         safe = self.select(is_zero, one, last)
         if first.dtype.kind == "i" and (bounds is None or bounds[0] <= -1 <= bounds[1]):
             # The negative of the smallest integer is itself.
-            is_minus = self.apply("eq", last, ones)
+            is_minus = last.equals(ones)
             safe = self.select(is_minus, one, safe)
-            negative = self.apply("sub", zero, first) if kind == "div" else zero
-            quotient = self.select(is_minus, negative, self.apply(kind, first, safe))
+            negative = 0 - first if kind == "div" else zero
+            quotient = self.select(is_minus, negative, first.apply(kind, safe))
         else:
-            quotient = self.apply(kind, first, safe)
+            quotient = first.apply(kind, safe)
         return self.select(is_zero, by_zero, quotient)
 
     def shifted(self, kind: str, first: Value, by: Value) -> Value:
@@ -244,12 +237,10 @@ class Builder:
         if bounds is not None and 0 <= bounds[0] and bounds[1] < bits:
             return self.apply(kind, first, by)
         unsigned = self.convert(by, np.dtype(f"u{by.dtype.itemsize}"))
-        limit = self.constant(bits - 1, unsigned.dtype)
-        safe = self.convert(self.apply("min", unsigned, limit), by.dtype)
+        safe = self.convert(unsigned.apply("min", bits - 1), by.dtype)
         if kind == "shift_right_arithmetic":
-            return self.apply(kind, first, safe)
-        inside = self.apply("le", unsigned, limit)
-        return self.select(inside, self.apply(kind, first, safe), self.constant(0, first.dtype))
+            return first.apply(kind, safe)
+        return self.select(unsigned <= bits - 1, first.apply(kind, safe), self.constant(0, first.dtype))
 
     def load(self, entries: np.ndarray, index: Value) -> Value:
         """Return an entry of a flat array of constants, at a uint32 index below its size."""
@@ -270,8 +261,7 @@ class Builder:
         if len(values) == 1:
             return values[0]
         middle = 1 << ((len(values) - 1).bit_length() - 1)
-        before = self.apply("lt", index, self.constant(middle, UINT))
-        rest = self.apply("sub", index, self.constant(middle, UINT))
+        before, rest = index < middle, index - middle
         return self.select(before, self.chosen(values[:middle], index), self.chosen(values[middle:], rest))
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jax.lax import GatherScatterMode
 
+from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import BOOL, UINT, Value
 from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lifted
@@ -14,115 +15,90 @@ MOST_SELECTED = 64
 """Largest array of unknown values with a place that varies."""
 
 
-class _Places:
-    """Places along the axes of an array, of values."""
+def clamp(index: Value, limit: int) -> Value:
+    """Return an index as a uint32, clamped to [0, limit]."""
+    if index.dtype.kind == "i":
+        index = index.apply("max", 0)
+    return index.builder.convert(index.apply("min", limit), UINT)
 
-    def __init__(self, reader: Reader) -> None:
-        self.builder = reader.builder
 
-    def start(self, index: Value, limit: int) -> Value:
-        """Return an index as a uint32, clamped to [0, limit]."""
-        builder = self.builder
-        if index.dtype.kind == "i":
-            index = builder.apply("max", index, builder.constant(0, index.dtype))
-        last = builder.constant(limit, index.dtype)
-        return builder.convert(builder.apply("min", index, last), UINT)
+def _is_inside(index: Value, limit: int) -> Value:
+    """Return whether an index is in [0, limit]."""
+    below = index <= limit
+    return below & (index >= 0) if index.dtype.kind == "i" else below
 
-    def inside(self, index: Value, limit: int) -> Value:
-        """Return whether an index is in [0, limit]."""
-        builder = self.builder
-        below = builder.apply("le", index, builder.constant(limit, index.dtype))
-        if index.dtype.kind != "i":
-            return below
-        return builder.apply("and", below, builder.apply("ge", index, builder.constant(0, index.dtype)))
 
-    def entry(self, entries: Entries, place: Sequence[Value]) -> Value:
-        """Return the entry of an array at a place inside."""
-        builder = self.builder
-        flat = builder.constant(0, UINT)
-        for size, index in zip(entries.shape, place, strict=True):
-            flat = builder.apply("mul", flat, builder.constant(size, UINT))
-            flat = builder.apply("add", flat, index)
-        if entries.dtype != object:
-            return builder.load(np.ascontiguousarray(entries).ravel(), flat)
-        if flat.kind == "constant":
-            return entries.ravel()[int(flat.detail)]
-        if entries.size > MOST_SELECTED:
-            raise Untranslatable(f"an array of {entries.size} values that vary, at a place that varies")
-        return builder.chosen(list(entries.ravel()), flat)
+def _entry(builder: Builder, entries: Entries, place: Sequence[Value]) -> Value:
+    """Return the entry of an array at a place inside."""
+    flat = builder.constant(0, UINT)
+    for size, index in zip(entries.shape, place, strict=True):
+        flat = flat * size + index
+    if entries.dtype != object:
+        return builder.load(np.ascontiguousarray(entries).ravel(), flat)
+    if flat.kind == "constant":
+        return entries.ravel()[int(flat.detail)]
+    if entries.size > MOST_SELECTED:
+        raise Untranslatable(f"an array of {entries.size} values that vary, at a place that varies")
+    return builder.chosen(list(entries.ravel()), flat)
 
-    def clamped(
-        self, shape: Any, starts: dict[int, Value], sizes: dict[int, int], offsets: dict[int, int]
-    ) -> tuple[list[Value], Value]:
-        """Return the place at offsets from clamped starts, by axis, and whether none was clamped."""
-        builder = self.builder
-        place, valid = [], builder.constant(np.True_, BOOL)
-        for axis, whole in enumerate(shape):
-            start = builder.constant(0, UINT)
-            if axis in starts:
-                limit = whole - sizes.get(axis, 1)
-                valid = builder.apply("and", valid, self.inside(starts[axis], limit))
-                start = self.start(starts[axis], limit)
-            place.append(self.moved(start, offsets.get(axis, 0)))
-        return place, valid
 
-    def moved(self, start: Value, by: int) -> Value:
-        """Return a uint32 index plus a constant."""
-        return self.builder.apply("add", start, self.builder.constant(by, UINT))
-
-    def at(self, place: Sequence[Value], known: Sequence[int]) -> Value:
-        """Return whether a place is a known one."""
-        builder, same = self.builder, self.builder.constant(np.True_, BOOL)
-        for index, wanted in zip(place, known, strict=True):
-            same = builder.apply("and", same, builder.apply("eq", index, builder.constant(wanted, UINT)))
-        return same
+def _clamped(
+    builder: Builder, shape: Any, starts: dict[int, Value], sizes: dict[int, int], offsets: dict[int, int]
+) -> tuple[list[Value], Value]:
+    """Return the place at offsets from clamped starts, by axis, and whether none was clamped."""
+    place, valid = [], builder.constant(np.True_, BOOL)
+    for axis, whole in enumerate(shape):
+        start = builder.constant(0, UINT)
+        if axis in starts:
+            limit = whole - sizes.get(axis, 1)
+            valid = valid & _is_inside(starts[axis], limit)
+            start = clamp(starts[axis], limit)
+        place.append(start + offsets.get(axis, 0))
+    return place, valid
 
 
 def _dynamic_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    places, entries = _Places(reader), given[0]
-    sizes = equation.params["slice_sizes"]
+    entries, sizes = given[0], equation.params["slice_sizes"]
     starts = _starts(reader, given[1:], entries.shape, sizes)
     made = np.empty(sizes, object)
     for offset in np.ndindex(made.shape):
-        place = [places.moved(start, by) for start, by in zip(starts, offset, strict=True)]
-        made[offset] = places.entry(entries, place)
+        place = [start + by for start, by in zip(starts, offset, strict=True)]
+        made[offset] = _entry(reader.builder, entries, place)
     return [made]
 
 
 def _starts(reader: Reader, given: list[Entries], shape: Any, sizes: Any) -> list[Value]:
-    places = _Places(reader)
     return [
-        places.start(lifted(reader.builder, index)[()], whole - size)
+        clamp(lifted(reader.builder, index)[()], whole - size)
         for index, whole, size in zip(given, shape, sizes, strict=True)
     ]
 
 
 def _dynamic_update_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    places = _Places(reader)
     made, update = (lifted(reader.builder, entries).copy() for entries in given[:2])
     starts = _starts(reader, given[2:], made.shape, update.shape)
     for offset in np.ndindex(update.shape):
-        place = [places.moved(start, by) for start, by in zip(starts, offset, strict=True)]
-        _replace(places, made, place, update[offset])
+        place = [start + by for start, by in zip(starts, offset, strict=True)]
+        _replace(reader.builder, made, place, update[offset])
     return [made]
 
 
 def _replace(
-    places: _Places, made: Entries, place: list[Value], value: Value, valid: Value | None = None
+    builder: Builder, made: Entries, place: list[Value], value: Value, valid: Value | None = None
 ) -> None:
     """Replace the entry at a place, if ``valid``."""
-    known = [index.kind == "constant" for index in place]
-    if not all(known) and made.size > MOST_SELECTED:
+    if made.size > MOST_SELECTED and not all(index.kind == "constant" for index in place):
         raise Untranslatable(f"an entry of {made.size} at a place that varies")
     for at in np.ndindex(made.shape):
-        here = places.at(place, at)
-        if valid is not None:
-            here = places.builder.apply("and", here, valid)
-        made[at] = places.builder.select(here, value, made[at])
+        here = builder.constant(np.True_, BOOL)
+        for index, wanted in zip(place, at, strict=True):
+            here = here & index.equals(wanted)
+        here = here if valid is None else here & valid
+        made[at] = builder.select(here, value, made[at])
 
 
 def _gather(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    builder, places = reader.builder, _Places(reader)
+    builder = reader.builder
     entries, indices = given
     indices = lifted(builder, indices)
     numbers, sizes = equation.params["dimension_numbers"], dict(enumerate(equation.params["slice_sizes"]))
@@ -137,8 +113,8 @@ def _gather(reader: Reader, equation: Equation, given: list[Entries]) -> Sequenc
         offsets = dict(zip(free, (at[axis] for axis in numbers.offset_dims), strict=True))
         offsets |= {axis: batch[number] for axis, number in batching}
         starts = dict(zip(numbers.start_index_map, indices[batch], strict=True))
-        place, valid = places.clamped(entries.shape, starts, sizes, offsets)
-        value = places.entry(entries, place)
+        place, valid = _clamped(builder, entries.shape, starts, sizes, offsets)
+        value = _entry(builder, entries, place)
         made[at] = builder.select(valid, value, builder.constant(filling, value.dtype)) if fills else value
     return [made]
 
@@ -154,12 +130,11 @@ def _filling(equation: Equation) -> Any:
 
 
 def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    builder, places = reader.builder, _Places(reader)
+    builder = reader.builder
     made, indices, updates = (lifted(builder, entries).copy() for entries in given)
     numbers = equation.params["dimension_numbers"]
     if numbers.operand_batching_dims:
         raise Untranslatable("with batches")
-    combine = {"scatter": None, "scatter-add": "add"}[equation.name]
     free = [axis for axis in range(made.ndim) if axis not in numbers.inserted_window_dims]
     windows = [updates.shape[axis] for axis in numbers.update_window_dims]
     sizes = dict(zip(free, windows, strict=True))
@@ -168,21 +143,21 @@ def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
         batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.update_window_dims)
         offsets = dict(zip(free, (at[axis] for axis in numbers.update_window_dims), strict=True))
         starts = dict(zip(numbers.scatter_dims_to_operand_dims, indices[batch], strict=True))
-        place, valid = places.clamped(made.shape, starts, sizes, offsets)
+        place, valid = _clamped(builder, made.shape, starts, sizes, offsets)
         value = updates[at]
-        if combine:
-            value = builder.apply(combine, places.entry(made, place), value)
-        _replace(places, made, place, value, None if clips else valid)
+        if equation.name == "scatter-add":
+            value = _entry(builder, made, place) + value
+        _replace(builder, made, place, value, None if clips else valid)
     return [made]
 
 
 def entry_at(reader: Reader, entries: Entries, number: Value) -> Entries:
     """Return one of the rows of an array, at a uint32 index below their number."""
-    places = _Places(reader)
+    builder = reader.builder
     made = np.empty(entries.shape[1:], object)
     for at in np.ndindex(made.shape):
-        place = [number, *(reader.builder.constant(i, UINT) for i in at)]
-        made[at] = places.entry(entries, place)
+        place = [number, *(builder.constant(i, UINT) for i in at)]
+        made[at] = _entry(builder, entries, place)
     return made
 
 

@@ -1,12 +1,12 @@
 """Rules of random keys of JAX's default generator, Threefry-2x32."""
 
+import operator
 from collections.abc import Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import UINT, Value
 from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, as_keys, lifted
@@ -14,20 +14,16 @@ from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, as_k
 _ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
 
 
-def _threefry(builder: Builder, k1: Value, k2: Value, x1: Value, x2: Value) -> tuple[Value, Value]:
+def _threefry(k1: Value, k2: Value, x1: Value, x2: Value) -> tuple[Value, Value]:
     """Encrypt two words: 20 rounds, with a part of the key added after every fourth."""
-    parity = builder.constant(0x1BD11BDA, UINT)
-    keys = (k1, k2, builder.apply("xor", builder.apply("xor", k1, k2), parity))
-    x1, x2 = builder.apply("add", x1, k1), builder.apply("add", x2, k2)
+    keys = (k1, k2, k1 ^ k2 ^ 0x1BD11BDA)
+    x1, x2 = x1 + k1, x2 + k2
     for block in range(5):
         for by in _ROTATIONS[block % 2]:
-            x1 = builder.apply("add", x1, x2)
-            left = builder.apply("shift_left", x2, builder.constant(by, UINT))
-            right = builder.apply("shift_right_logical", x2, builder.constant(32 - by, UINT))
-            x2 = builder.apply("xor", x1, builder.apply("or", left, right))
-        x1 = builder.apply("add", x1, keys[(block + 1) % 3])
-        x2 = builder.apply("add", x2, keys[(block + 2) % 3])
-        x2 = builder.apply("add", x2, builder.constant(block + 1, UINT))
+            x1 = x1 + x2
+            x2 = x1 ^ (x2 << by | x2 >> 32 - by)
+        x1 = x1 + keys[(block + 1) % 3]
+        x2 = x2 + keys[(block + 2) % 3] + (block + 1)
     return x1, x2
 
 
@@ -37,7 +33,7 @@ def _hashed(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entri
     made = np.empty((2, *keys.shape), object)
     for place in np.ndindex(keys.shape):
         entries: Any = keys[place], high[place], low[place]
-        made[(slice(None), *place)] = _threefry(reader.builder, *entries[0].words, *entries[1:])
+        made[(slice(None), *place)] = _threefry(*entries[0].words, *entries[1:])
     return made
 
 
@@ -82,7 +78,7 @@ def _bits(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
     if not _partitionable():
         return [_halves(reader, given[0], shape)]
     made = _blocks(reader, given[0], shape)
-    return [reader.map(lambda a, b: reader.builder.apply("xor", a, b), out.dtype, *made)]
+    return [reader.map(operator.xor, out.dtype, *made)]
 
 
 def _fold_in(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:

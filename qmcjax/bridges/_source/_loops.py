@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from qmcjax.bridges._source._errors import Untranslatable
-from qmcjax.bridges._source._indexing import entry_at
+from qmcjax.bridges._source._indexing import clamp, entry_at
 from qmcjax.bridges._source._program import UINT, Loop, Value, innermost
 from qmcjax.bridges._source._reader import (
     CALLS,
@@ -34,10 +34,7 @@ def _conditional(reader: Reader, equation: Equation, given: list[Entries]) -> Se
     """Compute all branches, and select: they have no effects."""
     builder, branches = reader.builder, equation.params["branches"]
     which = lifted(builder, given[0])[()]
-    if which.dtype.kind == "i":
-        which = builder.apply("max", which, builder.constant(0, which.dtype))
-    last = builder.constant(len(branches) - 1, which.dtype)
-    which = builder.convert(builder.apply("min", which, last), UINT)
+    which = clamp(which, len(branches) - 1)
     results = [reader.read(branch, given[1:]) for branch in branches]
     return [
         reader.map(lambda *cases: builder.chosen(list(cases), which), aval.dtype, *each)
@@ -117,14 +114,11 @@ def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
     builder = reader.builder
     carry = _Carry(reader, initial, _unchanged(body, carries, len(rows)), [*outside, *rows])
     *variables, counter = carry.loop.variables
-    carry.loop.condition = builder.apply("lt", counter, builder.constant(length, UINT))
-    number = counter
-    if equation.params["reverse"]:
-        number = builder.apply("sub", builder.constant(length - 1, UINT), counter)
+    carry.loop.condition = counter < length
+    number = length - 1 - counter if equation.params["reverse"] else counter
     arguments = [*outside, *carry.arrays(variables), *(entry_at(reader, row, number) for row in rows)]
     after = [lifted(builder, entries) for entries in reader.read(body, arguments)]
-    following = builder.apply("add", counter, builder.constant(1, UINT))
-    carry.loop.following = [*carry.flat(after), following]
+    carry.loop.following = [*carry.flat(after), counter + 1]
     return carry.arrays(builder.results(carry.loop)[:-1])
 
 

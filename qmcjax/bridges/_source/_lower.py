@@ -7,7 +7,6 @@ import numpy as np
 
 from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import source_line
-from qmcjax.bridges._source._floats import Floats
 from qmcjax.bridges._source._program import (
     DOUBLE,
     FLOAT,
@@ -22,7 +21,7 @@ from qmcjax.bridges._source._program import (
     Value,
     scheduled,
 )
-from qmcjax.bridges._source._words import Pair, Words
+from qmcjax.bridges._source._words import Floats, Pair, Words
 
 Lowered: TypeAlias = Value | Pair
 """What stands for a value: a pair of words for one of 64 bits."""
@@ -141,40 +140,36 @@ class _Lowering:
             return floats.of_float(one) if dtype == DOUBLE else None
         sign = words.word(0)
         if before == INT:
-            negative = builder.apply("lt", one, builder.constant(0, INT))
-            sign = builder.select(negative, words.word(1 << 31), sign)
+            sign = builder.select(one < 0, words.word(1 << 31), sign)
         bits = builder.convert(one, UINT)
         if dtype == ULONG:
-            upper = words.op("sub", words.word(0), words.op("shift_right_logical", sign, words.word(31)))
-            return upper, bits
+            return 0 - (sign >> 31), bits
         if dtype != DOUBLE:
             return None
-        minus = words.op("sub", words.word(0), bits)
-        size = builder.select(words.op("ne", sign, words.word(0)), minus, bits)
-        high, low = floats.of_word(size)
-        return words.op("or", sign, high), low
+        minus = 0 - bits
+        high, low = floats.of_word(builder.select(sign.apply("ne", 0), minus, bits))
+        return sign | high, low
 
     def _signed(self, a: Pair) -> Value:
-        words = self.words
-        size = self.floats.to_integer((words.op("and", a[0], words.word(0x7FFFFFFF)), a[1]))[1]
-        negative = words.op("ne", words.op("and", a[0], words.word(1 << 31)), words.word(0))
-        bits = self.builder.select(negative, words.op("sub", words.word(0), size), size)
-        return self.builder.convert(bits, INT)
+        size = self.floats.to_integer((a[0] & 0x7FFFFFFF, a[1]))[1]
+        negative = (a[0] & 1 << 31).apply("ne", 0)
+        return self.builder.convert(self.builder.select(negative, 0 - size, size), INT)
 
     def _of_integers(self, value: Value) -> Lowered | None:
         words, kind = self.words, value.kind
         a, b = self.two(value.arguments[0]), self.two(value.arguments[-1])
-        if kind in ("add", "sub", "mul"):
-            return {"add": words.add, "sub": words.sub, "mul": words.mul}[kind](a, b)
+        two = {"add": words.add, "sub": words.sub, "mul": words.mul}
+        if kind in two:
+            return two[kind](a, b)
         if kind in ("and", "or", "xor"):
-            return words.op(kind, a[0], b[0]), words.op(kind, a[1], b[1])
+            return a[0].apply(kind, b[0]), a[1].apply(kind, b[1])
         if kind == "not":
-            return words.op("not", a[0]), words.op("not", a[1])
+            return ~a[0], ~a[1]
         if kind in ("div", "rem"):
-            return words.divided(a, b)[0 if kind == "div" else 1]
+            return words.divide(a, b)[0 if kind == "div" else 1]
         if kind in ("shift_left", "shift_right_logical"):
             return (words.left if kind == "shift_left" else words.right)(a, b[1])
-        return self._compared(value, words.less, words.equal(a, b), a, b)
+        return self._compare(kind, words.less, a, b)
 
     def _of_floats(self, value: Value) -> Lowered | None:
         floats, kind = self.floats, value.kind
@@ -185,23 +180,18 @@ class _Lowering:
         if kind == "sub":
             return floats.add(a, floats.neg(b))
         one = {"neg": floats.neg, "floor": floats.floor, "ceil": floats.ceil, "sqrt": floats.sqrt}
-        if kind in one:
-            return one[kind](a)
-        return self._compared(value, floats.less, self.words.equal(a, b), a, b)
+        return one[kind](a) if kind in one else self._compare(kind, floats.less, a, b)
 
-    def _compared(
-        self, value: Value, less: Callable[[Pair, Pair], Value], same: Value, a: Pair, b: Pair
-    ) -> Lowered | None:
-        words, kind = self.words, value.kind
+    def _compare(self, kind: str, less: Callable[[Pair, Pair], Value], a: Pair, b: Pair) -> Lowered | None:
+        if kind in ("max", "gt", "le"):
+            below = less(b, a)
+        else:
+            below = less(a, b) if kind in ("min", "lt", "ge") else self.words.equal(a, b)
         if kind in ("min", "max"):
-            return words.choose(less(a, b) if kind == "min" else less(b, a), a, b)
-        if kind in ("eq", "ne"):
-            return same if kind == "eq" else words.op("not", same)
-        if kind in ("lt", "gt"):
-            return less(a, b) if kind == "lt" else less(b, a)
-        if kind in ("le", "ge"):
-            return words.op("not", less(b, a) if kind == "le" else less(a, b))
-        return None
+            return self.words.choose(below, a, b)
+        if kind in ("lt", "gt", "eq"):
+            return below
+        return ~below if kind in ("le", "ge", "ne") else None
 
     def _repeat(self, statement: Repeat) -> None:
         builder, old = self.builder, statement.loop

@@ -58,8 +58,7 @@ class Prepared:
         if self._has_64 or value.dtype.itemsize < 8:
             return [value]
         bits = builder.bitcast(value, ULONG)
-        upper = builder.apply("shift_right_logical", bits, builder.constant(32, ULONG))
-        return [builder.convert(part, UINT) for part in (upper, bits)]
+        return [builder.convert(part, UINT) for part in (bits >> 32, bits)]
 
     def _member(self, builder: Builder, value: Value, flat: list[Value]) -> Value:
         """Return a value made of its members, which become inputs."""
@@ -70,8 +69,7 @@ class Prepared:
         parts = [builder.input(len(flat) + k, UINT) for k in range(2)]
         flat += parts
         upper, lower = (builder.convert(part, ULONG) for part in parts)
-        upper = builder.apply("shift_left", upper, builder.constant(32, ULONG))
-        return builder.bitcast(builder.apply("or", upper, lower), value.dtype)
+        return builder.bitcast(upper << 32 | lower, value.dtype)
 
     def then(self, function: Callable[..., Any], *examples: Any, below: Sequence[int] = ()) -> Program:
         """Return the program of a function of the seeds, the result of the first one, and more words.

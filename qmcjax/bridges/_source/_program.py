@@ -8,12 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qmcjax.bridges._source._errors import Origin
+
+if TYPE_CHECKING:
+    from qmcjax.bridges._source._builder import Builder
 
 UINT, INT, FLOAT, BOOL = (np.dtype(name) for name in ("uint32", "int32", "float32", "bool"))
 ULONG, LONG, DOUBLE = (np.dtype(name) for name in ("uint64", "int64", "float64"))
@@ -35,10 +38,15 @@ class Value:
     - ``"convert"``: of one value to ``dtype``, towards zero from floats, which are in range; ``"bitcast"``,
     - otherwise an operation of :mod:`_operations` on arguments of one dtype. Shifts are by less than the
       number of bits, divisors of integers are not 0.
+
+    Operators of Python apply operations; ``>>`` is the logical shift, and ``==`` compares objects.
     """
+
+    builder: Builder
 
     __slots__ = (
         "arguments",
+        "builder",
         "detail",
         "dtype",
         "home",
@@ -80,6 +88,56 @@ class Value:
 
     def __repr__(self) -> str:
         return f"{self.kind}{self.number}:{self.dtype}"
+
+    def apply(self, kind: str, *others: Value | int) -> Value:
+        """Return an operation of this value and others; a number is a constant of the same dtype."""
+        known = (self.builder.constant(v, self.dtype) if isinstance(v, int) else v for v in others)
+        return self.builder.apply(kind, self, *known)
+
+    def __add__(self, other: Value | int) -> Value:
+        return self.apply("add", other)
+
+    def __sub__(self, other: Value | int) -> Value:
+        return self.apply("sub", other)
+
+    def __rsub__(self, other: int) -> Value:
+        return self.builder.constant(other, self.dtype) - self
+
+    def __mul__(self, other: Value | int) -> Value:
+        return self.apply("mul", other)
+
+    def __and__(self, other: Value | int) -> Value:
+        return self.apply("and", other)
+
+    def __or__(self, other: Value | int) -> Value:
+        return self.apply("or", other)
+
+    def __xor__(self, other: Value | int) -> Value:
+        return self.apply("xor", other)
+
+    def __invert__(self) -> Value:
+        return self.apply("not")
+
+    def __lshift__(self, by: Value | int) -> Value:
+        return self.apply("shift_left", by)
+
+    def __rshift__(self, by: Value | int) -> Value:
+        return self.apply("shift_right_logical", by)
+
+    def __lt__(self, other: Value | int) -> Value:
+        return self.apply("lt", other)
+
+    def __gt__(self, other: Value | int) -> Value:
+        return self.apply("gt", other)
+
+    def __le__(self, other: Value | int) -> Value:
+        return self.apply("le", other)
+
+    def __ge__(self, other: Value | int) -> Value:
+        return self.apply("ge", other)
+
+    def equals(self, other: Value | int) -> Value:
+        return self.apply("eq", other)
 
 
 def innermost(values: Iterable[Value]) -> Loop | None:

@@ -161,11 +161,10 @@ class Reader:
     def _wrapped(self, value: Value, dtype: np.dtype) -> Value:
         if dtype.kind not in "iu" or dtype.itemsize >= 4:
             return value
-        builder, bits = self.builder, 8 * dtype.itemsize
+        bits = 8 * dtype.itemsize
         if dtype.kind == "u":
-            return builder.apply("and", value, builder.constant((1 << bits) - 1, value.dtype))
-        by = builder.constant(32 - bits, value.dtype)
-        return builder.apply("shift_right_arithmetic", builder.apply("shift_left", value, by), by)
+            return value & (1 << bits) - 1
+        return (value << 32 - bits).apply("shift_right_arithmetic", 32 - bits)
 
 
 def opened(jaxpr: Any) -> Any:
@@ -190,10 +189,7 @@ def elementwise(reader: Reader, equation: Equation, given: list[Entries]) -> Seq
     if name == "div" and _is_shared(given[1], out.shape):
         # XLA multiplies by the rounded reciprocal.
         one = np.ones((), out.dtype)
-        given = [
-            given[0],
-            reader.map(lambda *values: builder.apply("div", *values), out.dtype, one, given[1]),
-        ]
+        given = [given[0], reader.map(lambda a, b: a.apply("div", b), out.dtype, one, given[1])]
         name = "mul"
     dtype = np.bool_ if name in COMPARISONS else out.dtype
     return [reader.map(lambda *values: builder.apply(name, *values), dtype, *given)]

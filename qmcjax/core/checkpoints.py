@@ -80,8 +80,10 @@ def _digest(value: Any, name: str, foreign: dict[str, None]) -> bytes:
     if type(value) in _PLAIN or isinstance(value, np.dtype):
         data = repr(value).encode()
     elif isinstance(value, np.ndarray | np.generic | Array):
-        is_key = isinstance(value, Array) and jax.numpy.issubdtype(value.dtype, jax.dtypes.prng_key)
-        numbers = np.asarray(jax.random.key_data(value) if is_key else value)
+        numbers: Any = value
+        if jax.numpy.issubdtype(value.dtype, jax.dtypes.prng_key):
+            numbers = jax.random.key_data(numbers)
+        numbers = np.asarray(numbers)
         called, data = f"{value.dtype!r} {numbers.dtype!r} {numbers.shape}", numbers.tobytes()
     elif not _is_named(value):
         parts = _contents(value)

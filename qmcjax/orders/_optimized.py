@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, draws, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
-from qmcjax.orders._hashed import Hashed
+from qmcjax.orders._hierarchy import Hashed
 
 
 @frozen_pytree

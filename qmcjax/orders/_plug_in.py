@@ -12,8 +12,7 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders._base import Order
-from qmcjax.orders._frames import FrameOrder
+from qmcjax.orders._base import FrameOrder, Order
 
 
 @frozen_pytree

@@ -1,18 +1,118 @@
-"""The variants of the scrambled Morton order."""
+"""The variants of the scrambled Morton order, and Morton orders of pixels and frames."""
 
+from dataclasses import replace
+from functools import partial
+from typing import Self
+
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from qmcjax.core import checks, draws
-from qmcjax.orders._hashed import Hashed, Multiplicative
-from qmcjax.orders._hierarchy import ScrambledMorton
-from qmcjax.orders._lookup_tree import (
-    LookupTree,
-    RandomTree,
-    art_production,
-    random_permutations,
-    random_production,
+from qmcjax.core import checks, draws, number_theory
+from qmcjax.core.bits import hash_word
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.orders._base import FrameOrder, animation_size
+from qmcjax.orders._hierarchy import (
+    GOLDEN,
+    PERMUTATIONS,
+    Hashed,
+    Multiplicative,
+    ScrambledMorton,
+    permutation_number,
+    permuted,
+    scaled,
+    unpermuted,
 )
+
+
+@frozen_pytree
+class LookupTree(ScrambledMorton):
+    """The word of a node is a letter, 0 at the root (Z paper, Eq. 13 to 18)."""
+
+    production: Array
+    """uint16 (letters, 4): the letters of the children, by their digits in the Morton code."""
+    permutations: Array
+    """uint8 (letters,): the permutation of each letter, below 24."""
+
+    @property
+    def root(self) -> Array:
+        return jnp.uint32(0)
+
+    def family(self, keys: Array) -> Self:
+        """Return orders with a common production and separate permutations as one object (Eq. 13 to 18)."""
+        others = _permutations_of(keys, self.permutations.shape[0])
+        return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
+
+    def member(self, number: int) -> Self:
+        return replace(self, permutations=self.permutations[number])
+
+    def _permutation(self, node: Array) -> Array:
+        return self.permutations.at[node].get(mode="promise_in_bounds").astype(jnp.uint32)
+
+    def _child(self, node: Array, digit: Array) -> Array:
+        return (
+            self.production.ravel().at[(node << 2) | digit].get(mode="promise_in_bounds").astype(jnp.uint32)
+        )
+
+
+@frozen_pytree
+class RandomTree(LookupTree):
+    """The same with a random production; members of a family enter it at shifted letters.
+
+    So two nodes with equal letters in one member have independent letters in another, as if each member had
+    its own production.
+    """
+
+    shift: Array
+    """uint32 scalar, below the number of letters."""
+
+    def family(self, keys: Array) -> Self:
+        shifts = _shifts_of(keys, self.permutations.shape[0])
+        return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
+
+    def member(self, number: int) -> Self:
+        return replace(super().member(number), shift=self.shift[number])
+
+    def _child(self, node: Array, digit: Array) -> Array:
+        return super()._child((node + self.shift) % np.uint32(self.production.shape[0]), digit)
+
+
+@partial(jax.jit, static_argnums=1)
+def _permutations_of(keys: Array, letters: int) -> Array:
+    """Draw permutations by each key; compiled, since otherwise every call traces the generator anew."""
+    return jax.vmap(lambda key: random_permutations(letters, key))(keys)
+
+
+@partial(jax.jit, static_argnums=1)
+def _shifts_of(keys: Array, letters: int) -> Array:
+    """Draw a letter by each key."""
+    words = jax.vmap(lambda key: draws.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
+    return scaled(words, letters)
+
+
+def random_permutations(letters: int, key: Array) -> Array:
+    """Draw one of the 24 permutations for each letter."""
+    return scaled(draws.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
+
+
+def random_production(letters: int, key: Array) -> Array:
+    """Draw the letter of each child of each letter."""
+    return scaled(draws.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
+
+
+def art_production() -> Array:
+    """Return a production in which no two equal letters come close at any level.
+
+    A letter is a pair of symbols, one for the row and one for the column (see
+    :func:`qmcjax.core.number_theory.word_children`).
+    """
+    symbols = number_theory.word_children()
+    count = len(symbols)
+    # Axes: row symbol, column symbol, lower half, right half.
+    pairs = symbols[:, None, :, None] * count + symbols[None, :, None, :]
+    return jnp.asarray(pairs.reshape(count**2, 4).astype(np.uint16))
+
 
 VARIANTS = ("hash", "multiplicative", "tree", "art")
 """Sources of permutations, see :func:`scrambled_morton`."""
@@ -79,3 +179,110 @@ def scrambled_morton(
     letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
     production = random_production(letters, of_production)
     return RandomTree(width, height, production, random_permutations(letters, of_permutations), jnp.uint32(0))
+
+
+_IDENTITY = 0
+"""The number of the permutation that changes nothing."""
+
+
+@frozen_pytree
+class Morton3(FrameOrder):
+    """Quadrant and half of the frames in turn, from the largest to the smallest; each node permutes its own.
+
+    The word of a node is a hash of its parent's word and its digit. Digits are those of pixels and frames,
+    before their permutation.
+    """
+
+    seed: Array | None
+    """uint32 scalar; None without permutations."""
+
+    @property
+    def _levels(self) -> list[tuple[str, int]]:
+        """Kind and place of each digit, the first one first."""
+        count = max(self.log_side, self.log_frames)
+        places = range(count - 1, -1, -1)
+        both = [(kind, place) for place in places for kind in ("quadrant", "half")]
+        return [(k, place) for k, place in both if place < (self.log_side, self.log_frames)[k == "half"]]
+
+    def _node(self, shape: tuple[int, ...]) -> Array | None:
+        return None if self.seed is None else jnp.broadcast_to(self.seed, shape)
+
+    def unchecked_position(self, x: Array, y: Array, t: Array) -> Array:
+        node, position, one = self._node(x.shape), jnp.zeros_like(x), np.uint32(1)
+        for kind, place in self._levels:
+            if kind == "half":
+                digit = (t >> place) & one
+                position = (position << 1) | _halved(node, digit)
+            else:
+                digit = ((x >> place) & one) | (((y >> place) & one) << 1)
+                position = (position << 2) | permuted(_number(node), digit)
+            node = _child(node, digit)
+        return position
+
+    def unchecked_pixel(self, position: Array) -> tuple[Array, Array, Array]:
+        node, one, left = self._node(position.shape), np.uint32(1), 2 * self.log_side + self.log_frames
+        x = y = t = jnp.zeros_like(position)
+        for kind, place in self._levels:
+            if kind == "half":
+                left -= 1
+                digit = _halved(node, (position >> left) & one)
+                t = t | (digit << place)
+            else:
+                left -= 2
+                digit = unpermuted(_number(node), (position >> left) & np.uint32(3))
+                x, y = x | ((digit & one) << place), y | ((digit >> 1) << place)
+            node = _child(node, digit)
+        return x, y, t
+
+
+def _number(node: Array | None) -> Array:
+    return jnp.uint32(_IDENTITY) if node is None else permutation_number(node)
+
+
+def _halved(node: Array | None, digit: Array) -> Array:
+    """Exchange both halves, or not: its own inverse."""
+    return digit if node is None else digit ^ (node >> 31)
+
+
+def _child(node: Array | None, digit: Array) -> Array | None:
+    # Plus one: the hash maps 0 to 0.
+    return None if node is None else hash_word(node + (digit + np.uint32(1)) * GOLDEN)
+
+
+def morton3(width: int, height: int, frames: int, key: Array | int | None = None) -> Morton3:
+    """Make the Morton order of the pixels of an animation, or scramble it.
+
+    Digits of the position are a quadrant and a half of the frames in turn, from the largest to the smallest:
+    every aligned block of ``2**k`` x ``2**k`` pixels in ``2**k`` frames has a contiguous aligned run of
+    positions, and so have its pixels in ``2**(k + 1)`` frames.
+
+    Parameters
+    ----------
+    width, height : int, in [1, 65536]; padded to a square with a power of two as side
+    frames : int
+        Padded to a power of two; there are at most 2**32 positions. If the number of frames exceeds the side,
+        the first digits are halves only; if the side is larger, they are quadrants only.
+    key : jax.random.key, or int in [0, 2**32), optional
+        Permutes the quadrants and halves of each block at random, as :func:`scrambled_morton` does; all
+        permutations are equally likely. A new key does not recompile. None for plain Morton order.
+
+    Returns
+    -------
+    Morton3
+        ``position(x, y, t)``, ``pixel(position)``, and ``at_frame(t)``, an order of pixels for samplers.
+
+    Notes
+    -----
+    With ``contiguous(order, sequence, spp)`` only these blocks are nets, not those with any number of pixels
+    and frames, and errors of a single frame are larger than in an order of pixels alone:
+    :func:`qmcjax.sequences.in_time` stratifies all blocks, and leaves each frame as it is.
+
+    Examples
+    --------
+    >>> order = morton3(4, 4, 2)
+    >>> print(order.position(1, 0, 1), [int(v) for v in order.pixel(3)])
+    3 [1, 0, 1]
+    """
+    size = animation_size(width, height, frames)
+    seed = None if key is None else draws.bits(checks.prng_key("key", key), (), jnp.uint32)
+    return Morton3(*size, seed)

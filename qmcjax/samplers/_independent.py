@@ -1,16 +1,19 @@
-"""One sequence in every pixel, randomised independently."""
+"""The same sequence in every pixel, randomised independently, or in every tile."""
 
 from collections.abc import Callable
 from dataclasses import field
+from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import InEveryPixel
+from qmcjax.samplers._base import InEveryPixel, Sampler
+from qmcjax.samplers._of_functions import as_sampler
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
@@ -92,3 +95,106 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
         )
     seeds = draws.bits(checks.prng_key("key", key), (sequence.dims, 2), jnp.uint32)
     return Independent(sequence, seeds, _RANDOMIZERS[randomize])
+
+
+_ON_SCREEN = 2
+
+
+@frozen_pytree
+class Interleaved(Sampler):
+    """The pixels of a tile take consecutive blocks of the sequence, the same in every tile."""
+
+    sequence: Sequence
+    spp: int = field(metadata={"static": True})
+    tile: int = field(metadata={"static": True})
+    positions: Sampler | None
+    """The sampler of the position inside the pixel, or None."""
+
+    _limited = "samples in the block of a pixel"
+
+    @property
+    def dims(self) -> int:
+        return self.sequence.dims + self._on_screen
+
+    @property
+    def _on_screen(self) -> int:
+        return 0 if self.positions is None else _ON_SCREEN
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        columns, rows, samples = super().limits if self.positions is None else self.positions.limits
+        return columns, rows, min(samples, self.spp)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the first indices of pixels, and the state of the positions inside them."""
+        tile = np.uint32(self.tile)
+        first = (y % tile * tile + x % tile) * np.uint32(self.spp)
+        own = tuple(j for j in dims if j < self._on_screen)
+        return first, self.positions.prepare(x, y, own) if self.positions and own else None
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        first, of_positions = state
+        own = tuple(j for j in dims if j < self._on_screen)
+        shared = tuple(j - self._on_screen for j in dims if j >= self._on_screen)
+        parts = []
+        if self.positions and own:
+            parts.append(self.positions.points(of_positions, sample, own, dtype))
+        if shared:
+            parts.append(self.sequence.coordinates(first + sample, shared, dtype))
+        joined = jnp.concatenate(parts, axis=-1)
+        order = [*own, *(j + self._on_screen for j in shared)]
+        return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        if self.positions is not None:
+            self.positions.check(width, height, spp)
+        super().check(width, height, spp)
+
+
+def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:
+    """Sample all tiles of the image with the same points, the pixels of a tile with blocks of one sequence.
+
+    For renderers of whole images at one time, or with one vector of all coordinates but the pixel [1]_ [2]_:
+
+    - ``tile=1``: every pixel has the same points, as in an accumulation buffer.
+    - ``tile=1`` with ``positions``: only the position inside the pixel differs: the method of dependent
+      tests. A few samples show as many ghosts of moving objects (strobing).
+    - a larger ``tile``: interleaved sampling. Neighbours have different points, which turns ghosts into
+      a fine pattern.
+
+    Parameters
+    ----------
+    sequence : Sequence
+        Shared coordinates: all, or those after the first two with ``positions``. At least ``tile**2 * spp``
+        points.
+    spp : int, points in the block of a pixel, at least 1
+    tile : int, side of a tile in pixels, at least 1
+    positions : Sampler, optional, coordinates 0 and 1; at least two dimensions
+
+    Notes
+    -----
+    Each sample of a pixel is uniform over keys if each point of the sequence, and of ``positions``, is.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 3.1.2 and 3.1.3.
+    .. [2] A. Keller, W. Heidrich, "Interleaved Sampling", 2001.
+
+    Examples
+    --------
+    >>> from qmcjax import samplers, sequences
+    >>> sampler = samplers.interleaved(sequences.van_der_corput(), spp=4, tile=2)
+    >>> print([sampler(x, 0, 0, dims=(0,)).item() for x in range(4)])
+    [0.0, 0.125, 0.0, 0.125]
+    """
+    spp = checks.integer("spp", spp, 1, 2**32 - 1)
+    tile = checks.integer("tile", tile, 1, 2**16)
+    sequence = as_sequence("sequence", sequence)
+    limit = sequence.limit
+    if tile * tile * spp > limit:
+        raise ValueError(f"spp must be at most {limit // tile**2} for tiles of {tile} x {tile}, got {spp}")
+    if positions is not None:
+        positions = as_sampler("positions", positions)
+        if positions.dims < _ON_SCREEN:
+            raise ValueError(f"positions must have at least 2 coordinates, got {positions.dims}")
+    return Interleaved(sequence, spp, tile, positions)

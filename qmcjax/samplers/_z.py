@@ -1,11 +1,11 @@
-"""The Z-sampler: contiguous blocks of a sequence along hierarchically scrambled Morton orders."""
+"""The variants of the Z-sampler."""
 
 from jax import Array
 
 from qmcjax.core import checks, draws
 from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
-from qmcjax.samplers._frames import of_key
 from qmcjax.samplers._z_blocks import Z
+from qmcjax.samplers._z_index import of_key
 from qmcjax.sequences import BinarySequence, as_binary, sobol
 
 PLAIN = "plain"

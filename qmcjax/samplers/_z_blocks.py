@@ -1,4 +1,4 @@
-"""The classes of the Z-sampler: with one number of samples for all pixels, or one for each."""
+"""The Z-sampler: each pixel takes a block of a sequence, in an order with the digits of its samples."""
 
 from dataclasses import field, replace
 from typing import Any
@@ -13,10 +13,9 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import ScrambledMorton, morton
+from qmcjax.samplers._along_curve import Index, needed
 from qmcjax.samplers._base import ForImage, OnRaster
-from qmcjax.samplers._frames import Frames, at_frame
-from qmcjax.samplers._index_64 import Index, needed
-from qmcjax.samplers._z_index import Number, append, scrambled_number, scrambled_numbers
+from qmcjax.samplers._z_index import Frames, Number, append, at_frame, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 
 

@@ -7,11 +7,11 @@ work with ``jit``, ``vmap`` and ``grad``.
 """
 
 from qmcjax.warps._base import Warp as Warp
-from qmcjax.warps._disc import disc as disc
-from qmcjax.warps._discrete import discrete as discrete
-from qmcjax.warps._exponential import exponential as exponential
-from qmcjax.warps._normal import normal as normal
-from qmcjax.warps._simplex import simplex as simplex
-from qmcjax.warps._sphere import hemisphere as hemisphere
-from qmcjax.warps._sphere import sphere as sphere
-from qmcjax.warps._triangle import triangle as triangle
+from qmcjax.warps._numbers import discrete as discrete
+from qmcjax.warps._numbers import exponential as exponential
+from qmcjax.warps._numbers import normal as normal
+from qmcjax.warps._numbers import simplex as simplex
+from qmcjax.warps._surfaces import disc as disc
+from qmcjax.warps._surfaces import hemisphere as hemisphere
+from qmcjax.warps._surfaces import sphere as sphere
+from qmcjax.warps._surfaces import triangle as triangle

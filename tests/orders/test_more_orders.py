@@ -13,7 +13,7 @@ from tables import first, grammar, permutations_of_4
 from qmcjax import orders
 from qmcjax.core.number_theory import word_factors
 from qmcjax.orders._hierarchy import _MATRICES, unpermuted
-from qmcjax.orders._lookup_tree import LookupTree, art_production
+from qmcjax.orders._scrambled_morton import LookupTree, art_production
 
 VARIANTS = {
     "hash": orders.scrambled_morton,

@@ -12,7 +12,7 @@ from tables import NETS, Table, first, pixels, points_of, refuses, slow, some
 import analysis
 import qmcjax as qj
 from qmcjax import samplers, sequences
-from qmcjax.samplers._halton_full_screen import HaltonFullScreen
+from qmcjax.samplers._full_screen import HaltonFullScreen
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 

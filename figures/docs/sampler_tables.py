@@ -1,11 +1,10 @@
-"""``.. best-samplers::``, ``.. sampler-sizes::`` and ``.. stored-scores::``: measurements as tables.
+"""Directives that show measurements: safest-sampler, sampler-errors, sampler-sizes, stored-scores.
 
-Nothing is typed in: names, margins and sentences come from :func:`qmcjax.recommend` and from stored scores of
-the suite when the page is built.
+Nothing is typed in: names and numbers come from the tables behind :func:`qmcjax.recommend` and from stored
+scores when the page is built.
 """
 
 import json
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
@@ -16,59 +15,11 @@ from sphinx.util.docutils import SphinxDirective
 import qmcjax as qj
 from figures import ledger
 from figures.docs.tables import table
-from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SETTINGS
-
-KINDS = {"scenes with edges": False, "smooth scenes": True}
-
-ARGUMENTS: Mapping[str, Mapping[str, Any]] = {
-    "images": {},
-    "frames": {"frames": 32},
-    "prefixes": {"progressive": True},
-}
-"""Of recommend, by setting."""
+from figures.page._choice import safest, tables
+from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
 SMALL = 4096
 """Bytes of a small table: it fits into the constants of a shader."""
-
-NAMED = 2
-"""The most samplers that a cell names beside the best; if there are more, it says how many."""
-
-
-def choice(setting: str, level: int, spp: int, smooth: bool | None, filtered: bool) -> qj.Recommendation:
-    """Return what is recommended."""
-    return qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
-
-
-def cell(of: qj.Recommendation) -> str:
-    """Return the best sampler, those that are not certainly worse, and the margin of the others."""
-    margin, alike = of.margin, of.alternatives
-    if margin is None:
-        return "no certain difference"
-    others = " or ".join(f"“{name}”" for name in alike) if len(alike) <= NAMED else f"{len(alike)} others"
-    return f"“{of.name}”\n{f'or {others}; ' if alike else ''}next {margin.ratio:.2f}"
-
-
-def sentences(setting: str) -> list[str]:
-    """Return, for each number of dimensions, which samplers are best for scenes of both kinds together."""
-    made = []
-    for level, name in LEVELS.items():
-        parts = []
-        for filtered, measure in enumerate(MEASURES):
-            runs: list[tuple[str, list[int]]] = []
-            for spp in SETTINGS[setting].spps:
-                of = choice(setting, level, spp, None, bool(filtered))
-                best = f"“{of.name}”" if of.margin else "no certain difference"
-                if runs and runs[-1][0] == best:
-                    runs[-1][1].append(spp)
-                else:
-                    runs.append((best, [spp]))
-            parts.append(f"{measure}: " + ", ".join(f"{best} ({_counts(spps)})" for best, spps in runs))
-        made.append(f"{name[0].upper()}{name[1:]}. " + ". ".join(p[0].upper() + p[1:] for p in parts) + ".")
-    return made
-
-
-def _counts(spps: Sequence[int]) -> str:
-    return f"{spps[0]} spp" if len(spps) == 1 else f"{spps[0]} to {spps[-1]} spp"
 
 
 def table_bytes(name: str, dims: int, spp: int) -> int:
@@ -80,7 +31,7 @@ def table_bytes(name: str, dims: int, spp: int) -> int:
 
 def smallest(level: int, spp: int, filtered: bool) -> tuple[str, float, int]:
     """Return the best sampler with small arrays, its error relative to the best of all, and its bytes."""
-    of = choice("images", level, spp, None, filtered)
+    of = qj.recommend(level, spp, filtered=filtered)
     for name in (of.name, *of.others):
         size = table_bytes(name, level, spp)
         if size <= SMALL:
@@ -88,29 +39,26 @@ def smallest(level: int, spp: int, filtered: bool) -> tuple[str, float, int]:
     raise AssertionError("a sampler without tables is always there")
 
 
-class BestSamplers(SphinxDirective):
-    """What is best in one setting, in words and as tables."""
+class SafestSampler(SphinxDirective):
+    """What to take without looking further."""
 
     required_arguments = 1
 
     def run(self) -> list[nodes.Node]:
-        """Return a list of sentences, and a table for each measure."""
-        setting = self.arguments[0]
-        if setting not in ARGUMENTS:
-            raise self.error(f"setting must be one of {', '.join(ARGUMENTS)}, got {setting}")
-        items = [nodes.list_item("", nodes.paragraph(text=text)) for text in sentences(setting)]
-        shown: list[nodes.Node] = [nodes.bullet_list("", *items)]
-        spps = SETTINGS[setting].spps
-        for filtered, measure in enumerate(MEASURES):
-            rows = [
-                [f"{kind}, {name}"]
-                + [cell(choice(setting, level, spp, smooth, bool(filtered))) for spp in spps]
-                for level, name in LEVELS.items()
-                for kind, smooth in KINDS.items()
-            ]
-            title = nodes.paragraph("", "", nodes.strong(text=f"Least {measure}{SETTINGS[setting].errors}"))
-            shown += [title, table(["", *(f"{spp} spp" for spp in spps)], rows)]
-        return shown
+        """Return a sentence for each measure."""
+        said = [safest(self.arguments[0], filtered) for filtered in (False, True)]
+        return [nodes.raw("", text, format="html") for text in said]
+
+
+class SamplerErrors(SphinxDirective):
+    """Errors of all samplers in one setting."""
+
+    required_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        """Return a table for each measure and number of dimensions."""
+        text = "".join(tables(self.arguments[0], filtered) for filtered in (True, False))
+        return [nodes.raw("", text, format="html")]
 
 
 class SamplerSizes(SphinxDirective):
@@ -118,13 +66,13 @@ class SamplerSizes(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return one table."""
-        spps, rows = SETTINGS["images"].spps, []
+        rows = []
         for level, name in LEVELS.items():
             for filtered, measure in enumerate(MEASURES):
-                found = [smallest(level, spp, bool(filtered)) for spp in spps]
+                found = [smallest(level, spp, bool(filtered)) for spp in SPPS]
                 texts = [f"“{best}”\n{ratio:.2f} of the best, {size} bytes" for best, ratio, size in found]
                 rows.append([f"{measure}, {name}", *texts])
-        return [table(["", *(f"{spp} spp" for spp in spps)], rows)]
+        return [table(["", *(f"{spp} spp" for spp in SPPS)], rows)]
 
 
 class StoredScores(SphinxDirective):
@@ -147,7 +95,8 @@ class StoredScores(SphinxDirective):
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
-    app.add_directive("best-samplers", BestSamplers)
+    app.add_directive("safest-sampler", SafestSampler)
+    app.add_directive("sampler-errors", SamplerErrors)
     app.add_directive("sampler-sizes", SamplerSizes)
     app.add_directive("stored-scores", StoredScores)
     return {"parallel_read_safe": True}

@@ -5,6 +5,7 @@ from qmcjax.choosing._candidates import Candidate as Candidate
 from qmcjax.choosing._recommend import Recommendation as Recommendation
 from qmcjax.choosing._recommend import recommend as recommend
 from qmcjax.choosing._table import ANIMATED as ANIMATED
+from qmcjax.choosing._table import KINDS as KINDS
 from qmcjax.choosing._table import LEVELS as LEVELS
 from qmcjax.choosing._table import MEASURES as MEASURES
 from qmcjax.choosing._table import SETTINGS as SETTINGS
@@ -16,3 +17,4 @@ from qmcjax.choosing._table import ErrorRatio as ErrorRatio
 from qmcjax.choosing._table import Measured as Measured
 from qmcjax.choosing._table import Setting as Setting
 from qmcjax.choosing._table import has_edges as has_edges
+from qmcjax.choosing._table import worst_cases as worst_cases

@@ -1,5 +1,6 @@
 """The choice of a sampler from measured errors."""
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,14 +11,13 @@ from jax import Array
 from qmcjax.choosing._candidates import MOST
 from qmcjax.choosing._table import (
     ANIMATED,
+    KINDS,
     LEVELS,
     MEASURES,
     SETTINGS,
     ErrorRatio,
     Measured,
-    Setting,
     has_edges,
-    like,
 )
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler
@@ -33,11 +33,17 @@ class Recommendation:
     dims: int
     spp: int
     reason: str
-    """The reason, in a few sentences with numbers."""
+    """Why, in two sentences of lines of at most 80 characters."""
+    cost: float
+    """What the choice may cost: the largest ratio of its error to the least error of any sampler on a single
+    measured scene of this kind."""
     others: Mapping[str, ErrorRatio]
     """Errors of all other samplers relative to this one, the best first."""
     setting: str = "images"
     """What it is for: "images", "frames" or "prefixes"."""
+
+    def __str__(self) -> str:
+        return f"{self.name}\n{self.reason}\n{_wrapped(_COST.format(self.cost))}"
 
     def sampler(self, width: int, height: int, key: Array | int, frame: Array | int | None = None) -> Sampler:
         """Make the sampler.
@@ -123,9 +129,8 @@ def recommend(
     two. Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over
     scenes are Student's t intervals, from the lowest to the highest end at both sizes. They hold the mean of
     such scenes with these keys: for samplers with one sequence over the whole image, eight other keys move
-    them by up to a third. For single scenes ``reason`` gives the least and the largest measured ratio. All
-    pairs of samplers are compared together by Holm's procedure: with 95 % confidence, every sampler called
-    worse is worse. Run times are not counted.
+    them by up to a third. All pairs of samplers are compared together by Holm's procedure: with 95 %
+    confidence, every sampler called worse is worse. Run times are not considered.
 
     Animations and progressive images were measured with images of 64 x 64 and of 50 x 38 pixels and 4 keys,
     animations with 32 frames of a still scene at 1 and 4 samples: motion is not in the tables.
@@ -135,8 +140,10 @@ def recommend(
     >>> import qmcjax as qj
     >>> from qmcjax import scenes
     >>> choice = qj.recommend(scenes.disc(), spp=16)
-    >>> choice.dims, choice.margin.low > 1.02, len(choice.reason) > 100
-    (2, True, True)
+    >>> print(choice)  # doctest: +ELLIPSIS
+    Sobol', full screen
+    It has the least RMS error of 17 samplers on 13 scenes with edges in 2
+    ...
     >>> image = qj.render(scenes.disc(), choice.sampler(64, 64, key=1), 64, 64, spp=16)
     """
     dims, edges = _asked(needs)
@@ -158,9 +165,16 @@ def recommend(
     able = (name for name, made in setting.candidates.items() if made.takes(dims, spp))
     names = measured.ranked(able)
     best, others = names[0], dict(zip(names[1:], measured.ratios(names)[1:], strict=True))
-    reason = _reason(best, others, measured, edges, level, spp, filtered, setting, size)
-    beyond = f" Scenes of more than {level} dimensions were not measured." if dims > level else ""
-    return Recommendation(best, dims, spp, reason + beyond, others, name)
+    kind = "scenes" if edges is None else KINDS[edges]
+    beyond = " (more were not measured)" if dims > level else ""
+    where = f"{kind} in {LEVELS[level]}{beyond} at {spp} spp{_between(spp, setting.spps)}"
+    why = (
+        f"It has the least {MEASURES[filtered]}{setting.errors} of {len(names)} samplers on "
+        f"{len(measured.scenes)} {where}. {_differences(others)}"
+    )
+    least = np.min([measured.errors[name] for name in names], axis=0)
+    cost = float(np.exp((measured.errors[best] - least).max()))
+    return Recommendation(best, dims, spp, _wrapped(why), cost, others, name)
 
 
 def _checked_size(size: Any) -> tuple[int, int]:
@@ -185,39 +199,23 @@ def _asked(needs: Any) -> tuple[int, bool | None]:
     return checks.integer("the number of dimensions of needs", len(scene.needs), 2, MOST), has_edges(scene)
 
 
-def _reason(
-    best: str,
-    others: Mapping[str, ErrorRatio],
-    measured: Measured,
-    edges: bool | None,
-    level: int,
-    spp: int,
-    filtered: bool,
-    setting: Setting,
-    size: tuple[int, int] | None,
-) -> str:
-    """Return the comparison and its result in words."""
-    kind = "scenes" if edges is None else "scenes with edges" if edges else "smooth scenes"
-    counted = setting.sizes if size is None else [like(setting, size)]
-    sizes = " and ".join(f"{width} x {height}" for width, height in counted)
-    usual = setting.usual
-    alike = [f'"{name}"' for name, other in others.items() if not other.differs]
-    said = (
-        f"On {len(measured.scenes)} {kind} in {LEVELS[level]} at {spp} spp{_between(spp, setting.spps)}, in "
-        f'images of {sizes} pixels, "{best}" has the least {MEASURES[filtered]}{setting.errors} of '
-        f"{1 + len(others)} samplers"
-    )
-    at_both = " at both sizes" if size is None else ""
-    if len(alike) == len(others):
-        return f"{said}, but there is no certain difference: none has certainly 2 % more{at_both}."
-    if alike:
-        said += f"; there is no certain difference to {', '.join(alike)}"
+_COST = "On single scenes it has at most {:.2f} times the error of the best sampler there."
+
+
+def _wrapped(text: str) -> str:
+    return "\n".join(textwrap.wrap(text, 80))
+
+
+def _differences(others: Mapping[str, ErrorRatio]) -> str:
+    """Return a sentence on which differences are significant."""
+    alike = sum(not other.differs for other in others.values())
+    if alike == len(others):
+        return "No difference to another sampler is significant."
     name, margin = next((name, other) for name, other in others.items() if other.differs)
-    single = np.exp(measured.errors[name] - measured.errors[best])
-    said += f'; "{name}" has {margin} times that, {single.min():.2f} to {single.max():.2f} on single scenes'
-    if usual in others and usual != name and others[usual].differs:
-        said += f', "{usual}" in each pixel {others[usual]}'
-    return said + "."
+    said = f'"{name}" has {margin.ratio:.2f} times this error ({margin.low:.2f} to {margin.high:.2f})'
+    if alike:
+        said += f"; {alike} {'others are' if alike > 1 else 'other is'} not significantly worse"
+    return f"{said}."
 
 
 def _between(spp: int, spps: tuple[int, ...]) -> str:

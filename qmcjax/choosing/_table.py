@@ -4,6 +4,7 @@ import csv
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,9 @@ from qmcjax.core import student, tables
 
 LEVELS = {2: "2 dimensions", 4: "3 or 4 dimensions", 8: "5 to 8 dimensions"}
 """By the largest number of dimensions of a level."""
+
+KINDS = {True: "scenes with edges", False: "smooth scenes"}
+"""By whether values jump."""
 
 MEASURES = ("RMS error", "filtered error")
 
@@ -143,6 +147,28 @@ class Measured:
         low, high = student.differences(errors, np.log(NEGLIGIBLE))
         ends = np.exp([of_all - of_all[0], low[:, 0], high[:, 0]])
         return [ErrorRatio(*map(float, of)) for of in ends.T]
+
+
+def worst_cases(filtered: bool, setting: Setting = STILL) -> dict[str, tuple[float, str]]:
+    """Return how much worse than the best sampler each one is at most, and where, the least worse first.
+
+    Ratios of mean errors over all classes of scenes, numbers of dimensions and of samples per pixel. Samplers
+    that are not there for all of these are left out.
+    """
+    worst: dict[str, tuple[float, str]] = {}
+    for (edges, kind), (level, dims), spp in product(KINDS.items(), LEVELS.items(), setting.spps):
+        errors = Measured.of(edges, level, spp, filtered, setting).errors
+        means = {name: float(of.mean()) for name, of in errors.items()}
+        for name, mean in means.items():
+            here = float(np.exp(mean - min(means.values()))), f"{kind} in {dims} at {spp} spp"
+            worst[name] = max(worst.get(name, here), here)
+    everywhere = {
+        name: case
+        for name, case in worst.items()
+        if setting.candidates[name].least_dims <= min(LEVELS)
+        and setting.candidates[name].most_dims >= max(LEVELS)
+    }
+    return dict(sorted(everywhere.items(), key=lambda item: item[1][0]))
 
 
 def has_edges(scene: Any) -> bool | None:

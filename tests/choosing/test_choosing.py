@@ -109,48 +109,81 @@ def test_identical_samplers_are_called_worse_in_5_of_100_answers_at_most():
     assert false / trials < 0.05 + 5 * np.sqrt(0.05 * 0.95 / trials)
 
 
-def test_no_difference_is_said():
+def words(choice):
+    """Return the reason in one line."""
+    return " ".join(choice.reason.split())
+
+
+def test_reasons_say_what_is_significant():
     """One sample in each pixel has the same RMS error, wherever it is."""
-    choice = qj.recommend(4, 1, smooth=False)
-    assert "(0,2), Owen" in choice.alternatives and "no certain difference" in choice.reason
-    assert "in images of 128 x 128 and 100 x 76 pixels" in choice.reason
-    for choice in (qj.recommend(2, 4, False, filtered=True), qj.recommend(8, 64, True)):
-        differ = {name for name, other in choice.others.items() if other.low > 1.02}
-        assert set(choice.alternatives) == set(choice.others) - differ
+    none = qj.recommend(4, 1, smooth=False)
+    assert "(0,2), Owen" in none.alternatives and none.margin is None
+    assert words(none).endswith(". No difference to another sampler is significant.")
+    for choice in (none, qj.recommend(2, 4, False, filtered=True), qj.recommend(8, 64, True)):
+        differ = [name for name, other in choice.others.items() if other.low > 1.02]
+        assert set(choice.alternatives) == set(choice.others) - set(differ)
         assert (choice.margin is None) == (not differ)
-        assert ("no certain difference" in choice.reason) == (len(choice.alternatives) > 0)
-        named = choice.reason.partition("no certain difference to ")[2].partition(";")[0]
-        if named:
-            assert named == ", ".join(f'"{name}"' for name in choice.alternatives)
-        assert f'"{choice.name}" has the least' in choice.reason
-        assert choice.margin is None or str(choice.margin) in choice.reason
+        assert (f"{len(choice.alternatives)} other" in words(choice)) == (
+            bool(choice.alternatives and differ)
+        )
+        if differ:
+            of = choice.margin
+            said = f'"{differ[0]}" has {of.ratio:.2f} times this error ({of.low:.2f} to {of.high:.2f})'
+            assert said in words(choice)
 
 
-def test_single_scenes_are_said_beside_their_mean():
+def test_reasons_are_two_sentences_of_lines_of_80_characters():
+    for setting, smooth, level, spp, filtered in CELLS:
+        choice = qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
+        assert max(map(len, str(choice).split("\n"))) <= 80
+        assert words(choice).replace("... ", "").count(". ") == 1 and words(choice).endswith(".")
+        assert str(choice).startswith(f"{choice.name}\n{choice.reason}\n")
+
+
+def test_the_cost_is_the_largest_ratio_on_a_single_scene():
     """A zone plate is smooth, and no sampler is better on it at few samples, whatever they are on others."""
-    choice = qj.recommend(scenes.zone_plate(), 4)
-    (name,) = (name for name, other in choice.others.items() if other is choice.margin)
-    errors = logarithms(cell(True, 2, 4, False), [name, choice.name])
-    ratios = np.exp(errors[0] - errors[1])
-    least, most = ratios.min(), ratios.max()
-    assert f'"{name}" has {choice.margin} times that, {least:.2f} to {most:.2f} on single' in choice.reason
-    assert least < 1.05 < 2 < choice.margin.low < most
+    for setting, smooth, level, spp, filtered in CELLS:
+        found = cell(smooth, level, spp, filtered, setting)
+        choice = qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
+        errors = np.array([list(of.values()) for of in found.values()]) / 1000
+        own = errors[list(found).index(choice.name)]
+        assert choice.cost == pytest.approx(np.exp((own - errors.min(axis=0)).max()))
+        assert f"at most {choice.cost:.2f} times" in " ".join(str(choice).split())
+
+
+@pytest.mark.parametrize("setting", choosing.SETTINGS)
+@pytest.mark.parametrize("filtered", [False, True])
+def test_the_safest_sampler_has_the_least_worst_case(setting, filtered):
+    of = choosing.SETTINGS[setting]
+    worst = {}
+    for smooth, level, spp in product((True, False), choosing.LEVELS, of.spps):
+        means = {
+            name: np.mean(list(errors.values())) / 1000
+            for name, errors in cell(smooth, level, spp, filtered, setting).items()
+        }
+        for name, mean in means.items():
+            worst.setdefault(name, []).append(np.exp(mean - min(means.values())))
+    full = {name: max(ratios) for name, ratios in worst.items() if len(ratios) == 6 * len(of.spps)}
+    found = choosing.worst_cases(filtered, of)
+    assert list(found) == sorted(full, key=full.__getitem__)
+    for name, (ratio, where) in found.items():
+        assert ratio == pytest.approx(full[name]) and " dimensions at " in where
 
 
 def test_the_type_of_a_scene_tells_its_kind():
     edges, smooth = scenes.disc(), scenes.gaussian()
-    assert "scenes with edges in 2 dimensions" in qj.recommend(edges, 4).reason
-    assert "smooth scenes in 2 dimensions" in qj.recommend(smooth, 4).reason
-    assert "scenes with edges" in qj.recommend(smooth, 4, smooth=False).reason
+    assert "scenes with edges in 2 dimensions" in words(qj.recommend(edges, 4))
+    assert "smooth scenes in 2 dimensions" in words(qj.recommend(smooth, 4))
+    assert "scenes with edges" in words(qj.recommend(smooth, 4, smooth=False))
     own = scenes.function(lambda point: point[..., 2], ("x", "y", "time"))
-    assert " scenes in 3 or 4 dimensions" in qj.recommend(own, 4).reason
+    assert " scenes in 3 or 4 dimensions" in words(qj.recommend(own, 4))
     assert qj.recommend(own, 4) == qj.recommend(("x", "y", "time"), 4) == qj.recommend(3, 4)
     assert qj.recommend(own, 4).others == qj.recommend(own, 4).others
 
 
 def test_traced_scenes_have_edges():
     assert choosing.has_edges(scenes.cornell_box()) is True
-    assert "scenes with edges" in qj.recommend(scenes.occluder(), 4).reason
+    assert "scenes with edges" in words(qj.recommend(scenes.occluder(), 4))
 
 
 @pytest.mark.parametrize("name", choosing.CANDIDATES)
@@ -193,9 +226,9 @@ def test_there_is_an_answer_for_every_number(dims, spp):
     assert (choice.dims, choice.spp) == (dims, spp)
     able = choosing.CANDIDATES[choice.name]
     assert able.least_dims <= dims <= able.most_dims and not (able.powers_of_two and spp.bit_count() > 1)
-    assert ("of more than 8 dimensions were not measured" in choice.reason) == (dims > 8)
-    assert ("measured up to 64" in choice.reason) == (spp > 64)
-    assert ("interpolated between" in choice.reason) == (spp in (2, 3, 10))
+    assert ("5 to 8 dimensions (more were not measured)" in words(choice)) == (dims > 8)
+    assert ("measured up to 64" in words(choice)) == (spp > 64)
+    assert ("interpolated between" in words(choice)) == (spp in (2, 3, 10))
 
 
 def test_between_the_numbers_of_samples_logarithms_are_interpolated():
@@ -329,9 +362,9 @@ def test_what_is_recommended_for_frames_is_a_sampler_of_each():
     sampler = choice.sampler(16, 8, 1, frame=5)
     expected = choosing.SETTINGS["frames"].candidates[choice.name].make(2, 16, 8, 4, jax.random.key(1), 5)
     assert np.array_equal(sampler(*PIXELS), expected(*PIXELS))
-    assert "filtered error of a moving average over 32 frames" in choice.reason
+    assert "filtered error of a moving average over 32 frames" in words(choice)
     assert qj.recommend(2, 4, frames=7) == qj.recommend(2, 4, frames=32)
-    assert "measured up to 4" in qj.recommend(2, 16, frames=2).reason
+    assert "measured up to 4" in words(qj.recommend(2, 16, frames=2))
     fresh = choosing.SETTINGS["frames"].candidates["Z, new keys"]
     assert fresh.takes(2, 4) and not fresh.takes(2, 3)
 
@@ -339,7 +372,7 @@ def test_what_is_recommended_for_frames_is_a_sampler_of_each():
 def test_what_is_recommended_for_prefixes_is_a_sampler():
     choice = qj.recommend(3, 16, progressive=True)
     assert choice.sampler(16, 8, 1)(1, 2, 3, dims=(0, 1, 2)).shape == (3,)
-    assert "on average over the first 1, 2, 4, ... samples" in choice.reason
+    assert "on average over the first 1, 2, 4, ... samples" in words(choice)
 
 
 @pytest.mark.parametrize(("size", "place"), [((512, 512), 0), (np.array([512, 256]), 1), ([500, 500], 1)])
@@ -350,8 +383,6 @@ def test_only_images_like_the_size_count(size, place):
     assert errors[0] == errors.min() and (np.diff(errors) >= 0).all()
     ratios = [1, *(other.ratio for other in choice.others.values())]
     np.testing.assert_allclose(ratios, np.exp(errors - errors[0]))
-    measured = "{} x {}".format(*choosing.SIZES[place])
-    assert f"in images of {measured} pixels" in choice.reason and "both sizes" not in choice.reason
 
 
 @pytest.mark.slow

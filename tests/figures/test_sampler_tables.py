@@ -1,47 +1,60 @@
-"""The page "Which sampler?": what it says is what the tables say."""
+"""The page "Which sampler?": what it shows is what the tables say."""
+
+import re
 
 import numpy as np
 import pytest
 
 import qmcjax as qj
-from qmcjax.choosing import CANDIDATES, LEVELS, SETTINGS
+from figures.page import _choice
+from qmcjax.choosing import CANDIDATES, LEVELS, SETTINGS, worst_cases
 
 sampler_tables = pytest.importorskip("figures.docs.sampler_tables", reason="Sphinx", exc_type=ImportError)
 
 PAGE = sampler_tables.__file__.replace("sampler_tables.py", "which_sampler.rst")
 
 
-def test_all_settings_are_on_the_page():
-    with open(PAGE, encoding="utf-8") as stream:
-        text = stream.read()
-    assert set(sampler_tables.ARGUMENTS) == set(SETTINGS)
-    assert all(f".. best-samplers:: {setting}\n" in text for setting in SETTINGS)
-
-
-def test_no_sampler_is_typed_on_the_page():
+def test_all_settings_are_on_the_page_and_no_name_is_typed_there():
     """Names come from the measurements only."""
     with open(PAGE, encoding="utf-8") as stream:
         text = stream.read()
-    names = {name for setting in SETTINGS.values() for name in setting.candidates}
-    assert not [name for name in names if name in text]
+    for name, setting in SETTINGS.items():
+        assert f".. sampler-errors:: {name}\n" in text and f".. safest-sampler:: {name}\n" in text
+        assert not [candidate for candidate in setting.candidates if candidate in text]
 
 
+@pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("setting", SETTINGS)
-def test_sentences_name_the_best_at_each_number_of_samples(setting):
-    found = sampler_tables.sentences(setting)
-    assert len(found) == len(LEVELS)
-    for level, sentence in zip(LEVELS, found, strict=True):
-        for filtered, part in enumerate(sentence.split(" error: ")[1:]):
-            for spp in SETTINGS[setting].spps:
-                choice = sampler_tables.choice(setting, level, spp, None, bool(filtered))
-                assert (f"“{choice.name}”" in part) or choice.margin is None
+def test_tables_show_what_is_recommended(setting, filtered):
+    """The best of each column, ratios with their intervals, and in bold what is significantly worse."""
+    rows = re.findall(r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', _choice.tables(setting, filtered), re.S)
+    shown = iter([(name.replace("&#x27;", "'"), re.findall(CELL, cells)) for name, cells in rows])
+    arguments = {"images": {}, "frames": {"frames": 32}, "prefixes": {"progressive": True}}[setting]
+    for level in LEVELS:
+        columns = [
+            qj.recommend(level, spp, smooth, filtered=filtered, **arguments)
+            for smooth in (False, True)
+            for spp in SETTINGS[setting].spps
+        ]
+        for name, cells in (next(shown) for _ in range(1 + len(columns[0].others))):
+            for (classes, ratio, interval), choice in zip(cells, columns, strict=True):
+                other = choice.others.get(name)
+                assert (classes == "best") == (name == choice.name) == (interval == "")
+                if other:
+                    assert (classes == "differs") == other.differs
+                    assert [float(each) for each in (ratio, *interval.split("–"))] == pytest.approx(
+                        other[:], rel=0.05, abs=0.006
+                    )
+    assert next(shown, None) is None
 
 
-def test_cells_say_what_is_recommended():
-    certain, alike, none = qj.recommend(2, 16, True), qj.recommend(4, 4, True), qj.recommend(4, 1, False)
-    assert sampler_tables.cell(certain) == f"“{certain.name}”\nnext {certain.margin.ratio:.2f}"
-    assert f"or {len(alike.alternatives)} others; next" in sampler_tables.cell(alike)
-    assert sampler_tables.cell(none) == "no certain difference"
+CELL = r'<td class="(\w*)" style="[^"]*"><span>([\d.]+)</span> <small>(.*?)</small></td>'
+
+
+def test_the_safest_has_the_least_worst_case():
+    name, (ratio, where) = next(iter(worst_cases(True).items()))
+    said = _choice.safest("images", True)
+    assert f"{ratio:.2f}" in said and where in said and name.partition("'")[0] in said
 
 
 def test_the_smallest_is_the_best_of_the_small():

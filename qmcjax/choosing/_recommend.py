@@ -107,8 +107,8 @@ def recommend(
         Whether values have no jumps within pixels, in any dimension. By default known from the type of the
         scene; otherwise scenes of both kinds count.
     filtered : bool
-        Minimise the error after a Gaussian filter of 1.5 pixels, as for viewing at a distance or before a
-        denoiser, rather than the RMS error of pixels.
+        Minimise the error after a Gaussian filter of 1.5 pixels, as seen from a distance, rather than the RMS
+        error of pixels.
     frames : int, optional
         For an animation of so many frames, seen through a filter in time: a moving average that takes a tenth
         of each new frame. Make the sampler of each with ``sampler(width, height, key, frame)``.

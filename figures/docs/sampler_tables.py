@@ -15,7 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 import qmcjax as qj
 from figures import ledger
 from figures.docs.tables import table
-from figures.page._choice import safest, tables
+from figures.page import error_tables, safest_sampler
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
 SMALL = 4096
@@ -46,7 +46,7 @@ class SafestSampler(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return a sentence for each measure."""
-        said = [safest(self.arguments[0], filtered) for filtered in (False, True)]
+        said = [safest_sampler(self.arguments[0], filtered) for filtered in (False, True)]
         return [nodes.raw("", text, format="html") for text in said]
 
 
@@ -57,7 +57,7 @@ class SamplerErrors(SphinxDirective):
 
     def run(self) -> list[nodes.Node]:
         """Return a table for each measure and number of dimensions."""
-        text = "".join(tables(self.arguments[0], filtered) for filtered in (True, False))
+        text = "".join(error_tables(self.arguments[0], filtered) for filtered in (True, False))
         return [nodes.raw("", text, format="html")]
 
 

@@ -33,7 +33,7 @@ WORST = 4.0
 """Ratios from here on have the strongest colour."""
 
 
-def safest(setting: str, filtered: bool) -> Markup:
+def safest_sampler(setting: str, filtered: bool) -> Markup:
     """Return a sentence: the sampler that is least worse than the best where it is worst."""
     of = SETTINGS[setting]
     name, (ratio, where) = next(iter(worst_cases(filtered, of).items()))
@@ -49,7 +49,7 @@ def safest(setting: str, filtered: bool) -> Markup:
     )
 
 
-def tables(setting: str, filtered: bool) -> Markup:
+def error_tables(setting: str, filtered: bool) -> Markup:
     """Return a table for each number of dimensions: samplers, by kind of scenes and samples per pixel."""
     return join(_table(SETTINGS[setting], level, filtered) for level in LEVELS)
 

@@ -27,7 +27,9 @@ def test_all_settings_are_on_the_page_and_no_name_is_typed_there():
 @pytest.mark.parametrize("setting", SETTINGS)
 def test_tables_show_what_is_recommended(setting, filtered):
     """The best of each column, ratios with their intervals, and in bold what is significantly worse."""
-    rows = re.findall(r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', _choice.tables(setting, filtered), re.S)
+    rows = re.findall(
+        r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', _choice.error_tables(setting, filtered), re.S
+    )
     shown = iter([(name.replace("&#x27;", "'"), re.findall(CELL, cells)) for name, cells in rows])
     arguments = {"images": {}, "frames": {"frames": 32}, "prefixes": {"progressive": True}}[setting]
     for level in LEVELS:
@@ -53,7 +55,7 @@ CELL = r'<td class="(\w*)" style="[^"]*"><span>([\d.]+)</span> <small>(.*?)</sma
 
 def test_the_safest_has_the_least_worst_case():
     name, (ratio, where) = next(iter(worst_cases(True).items()))
-    said = _choice.safest("images", True)
+    said = _choice.safest_sampler("images", True)
     assert f"{ratio:.2f}" in said and where in said and name.partition("'")[0] in said
 
 

@@ -10,8 +10,8 @@ import pytest
 from test_trees import SPIN, blob, looped, mesh, same, searched
 
 from qmcjax import tracing
-from qmcjax.tracing import intersectors, motion
-from qmcjax.tracing._search import compiled_world, loops, search, threads
+from qmcjax.tracing import motion
+from qmcjax.tracing.search import compiled_world, intersection, program
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -131,17 +131,17 @@ def test_the_way_is_chosen_by_count():
     many = tracing.world([tracing.sphere(np.random.default_rng(0).normal(size=(100, 3)), 0.1)])
     shape = many.objects[0].shapes[0]
     strange = tracing.world([tracing.Object((Other(shape.center, shape.radius),), None, None)])
-    ways = [search._fastest(world)[1] for world in (few, many, strange)]
-    assert ways == [loops.by_program, WAY, loops.by_program]
+    ways = [intersection._fastest(world)[1] for world in (few, many, strange)]
+    assert ways == [program.by_program, WAY, program.by_program]
 
 
 def test_all_pieces_are_done_once_and_errors_are_told():
     done = []
-    threads.shared(done.append, range(100))
+    compiled_world.share_work(done.append, range(100))
     assert sorted(done) == list(range(100))
-    threads.shared(done.append, [])
+    compiled_world.share_work(done.append, [])
     with pytest.raises(ZeroDivisionError):
-        threads.shared(lambda piece: 1 // piece, [2, 0, 1])
+        compiled_world.share_work(lambda piece: 1 // piece, [2, 0, 1])
 
 
 @pytest.mark.slow
@@ -158,7 +158,7 @@ def test_trees_are_taken_over_only_by_the_same_numbers():
     @jax.jit
     def find(vertices):
         world = tracing.world([tracing.Object((replace(shape, vertices=vertices),), None, None)])
-        return intersectors.compiled(world, origin, direction, *ends, False)
+        return searched(world, origin, direction, *ends, False, WAY)
 
     first, again = find(vertices), find(vertices)
     far, none, last = find(2 * vertices), find(np.nan * vertices), find(vertices)
@@ -167,19 +167,3 @@ def test_trees_are_taken_over_only_by_the_same_numbers():
     hit = np.asarray(first[1]) >= 0
     assert hit.sum() > 50 and np.all(np.asarray(far[0])[hit] < np.asarray(first[0])[hit])
     assert np.all(np.asarray(none[1]) == -1)
-
-
-@pytest.mark.slow
-def test_ways_one_by_one_find_what_nearest_hit_finds():
-    rng = np.random.default_rng(7)
-    world = tracing.world([mesh(blob(12, 9)), tracing.sphere([1, 1, 0], 0.4)])
-    origin = jnp.asarray(3 * rng.normal(size=(500, 3)), jnp.float32)
-    direction = jnp.asarray(rng.uniform(-0.6, 0.6, (500, 3)), jnp.float32) - origin
-    zero, far = jnp.zeros(500), jnp.full(500, jnp.inf)
-    hit = tracing.nearest_hit(world, origin, direction, zero)
-    assert 100 < (hit.shape >= 0).sum() < 500
-    for way in (intersectors.loops, intersectors.trees, intersectors.compiled):
-        distance, number = way(world, origin, direction, zero, far, False)
-        np.testing.assert_array_equal(number, hit.shape)
-        np.testing.assert_allclose(distance, hit.distance, rtol=1e-5)
-        assert ((way(world, origin, direction, zero, far, True)[1] >= 0) == (hit.shape >= 0)).all()

@@ -9,7 +9,7 @@ numba = pytest.importorskip("numba", reason="numba is not installed")
 @pytest.mark.parametrize("dtype", ["float32", "float64"])
 def test_lanes_are_numbers_side_by_side(dtype):
     """Operators with lanes and scalars, conditions, and what is chosen where one of two is NaN."""
-    from qmcjax.tracing._search import lanes
+    from qmcjax.tracing.search import lanes
 
     @numba.njit(error_model="numpy")
     def computed(given, factor, out):
@@ -42,7 +42,7 @@ def test_lanes_are_numbers_side_by_side(dtype):
 
 
 def test_bits_are_visited_from_the_lowest_one_on():
-    from qmcjax.tracing._search.lanes import lowest
+    from qmcjax.tracing.search.lanes import lowest
 
     @numba.njit
     def place(number):

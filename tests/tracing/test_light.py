@@ -14,12 +14,12 @@ from tables import few
 
 import qmcjax as qj
 from qmcjax import sequences, tracing
-from qmcjax.tracing._light import reflection
-from qmcjax.tracing._light.illumination import Choice, illuminated, visible
-from qmcjax.tracing._search.intersection import in_dtype
-from qmcjax.tracing._shapes.vectors import along
-from qmcjax.tracing._world import maps
+from qmcjax.tracing._light import scattering
+from qmcjax.tracing._light.interaction import Choice, sample_lights, visible
+from qmcjax.tracing._shapes.vectors import along, hemisphere
+from qmcjax.tracing._world import camera
 from qmcjax.tracing._world.materials import Surface
+from qmcjax.tracing.search.intersection import in_dtype
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -307,11 +307,11 @@ def ggx(alpha, color, out, into):
 
 def directions(key):
     u = np.asarray(jax.random.uniform(jax.random.key(key), (2, 4096)), np.float32)
-    local, _ = maps.hemisphere(jnp.asarray(u[0]), jnp.asarray(u[1]))
+    local, _ = hemisphere(jnp.asarray(u[0]), jnp.asarray(u[1]))
     return tuple(np.asarray(a) for a in local)
 
 
-evaluate, sample_direction = jax.jit(reflection.evaluate), jax.jit(reflection.sample_direction)
+evaluate, sample_direction = jax.jit(scattering.evaluate), jax.jit(scattering.sample_direction)
 
 
 @pytest.mark.parametrize("alpha", [0.05, 0.3, 1.0])
@@ -585,7 +585,7 @@ def test_light_that_is_sampled_arrives_and_is_found_with_its_density(light):
 
     @jax.jit
     def arriving(u, v):
-        sample = illuminated(world, Choice(None, u, v), point, normal)
+        sample = sample_lights(world, Choice(None, u, v), point, normal)
         every = jnp.ones(u.shape, bool)
         hit = along(point, jnp.where(jnp.isfinite(sample.distance), sample.distance, 1), sample.direction)
         one = jax.tree.map(lambda leaf: leaf[None], world.lights[0])
@@ -623,7 +623,7 @@ def test_polygons_are_covered_evenly():
     places = jnp.asarray(np.random.default_rng(3).uniform(size=(200, 2)), jnp.float32)
 
     def point(place):
-        return jnp.stack(maps.polygon(place[0], place[1], sides))
+        return jnp.stack(camera._polygon(place[0], place[1], sides))
 
     derivatives = np.asarray(jax.jit(jax.vmap(jax.jacfwd(point)))(places), np.float64)
     area = sides / 2 * np.sin(2 * np.pi / sides)

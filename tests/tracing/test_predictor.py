@@ -10,9 +10,8 @@ from refusals import refused
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer
+from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer, rasterize
 from qmcjax.tracing._estimators.predictor import _steps
-from qmcjax.tracing._estimators.rasterized import rasterized
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -177,7 +176,7 @@ def test_triangles_are_drawn_as_one_by_one():
     height, width = 5, 6
     y, x = np.mgrid[:height, :width] + rng.normal(size=(2, height, width)) * 1.5
     depth, seen = rng.random((height, width)), rng.random((height, width)) < 0.9
-    got = rasterized(x, y, depth, seen)
+    got = rasterize(x, y, depth, seen)
     pixel = np.arange(height * width).reshape(height, width)
     quads = [
         (pixel[i, j], pixel[i, j + 1], pixel[i + 1, j], pixel[i + 1, j + 1])

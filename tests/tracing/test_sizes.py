@@ -11,7 +11,7 @@ from tables import slow
 from test_trees import blob, mesh, searched, without_trees
 
 from qmcjax import tracing
-from qmcjax.tracing._search import compiled_world, loops, search
+from qmcjax.tracing.search import compiled_world, intersection, program
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -48,8 +48,8 @@ ORIGIN, WAY = rays(4096)
 TIME = np.linspace(0, 1, len(ORIGIN), dtype=np.float32)
 
 FINDERS = {
-    "loops": lambda world, *given: searched(without_trees(world), *given, intersector=loops.by_program),
-    "trees": lambda world, *given: searched(world, *given, intersector=loops.by_program),
+    "loops": lambda world, *given: searched(without_trees(world), *given, intersector=program.by_program),
+    "trees": lambda world, *given: searched(world, *given, intersector=program.by_program),
     "compiled": lambda world, *given: searched(world, *given, intersector=compiled_world.search),
 }
 
@@ -91,7 +91,7 @@ def test_hits_do_not_depend_on_lengths_of_normals_and_directions(normal):
     assert np.array_equal(before, tracing.any_hit(world, ORIGIN, WAY, 0.0, limit))
 
 
-@pytest.mark.parametrize("count", [1, *slow(search._FEW + 1)])
+@pytest.mark.parametrize("count", [1, *slow(intersection._FEW + 1)])
 def test_directions_of_all_lengths_hit_or_are_refused(count):
     """Few bodies are searched by a program of JAX, more by compiled loops."""
     world = tracing.world([tracing.sphere([0, 0, 5 + 3 * k], 1.0) for k in range(count)])

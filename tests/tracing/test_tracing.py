@@ -15,8 +15,8 @@ from test_trees import SPIN, blob, soup
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._search import hits, loops
 from qmcjax.tracing._shapes import shape_batches
+from qmcjax.tracing.search import hits, program
 
 X64 = jax.enable_x64
 
@@ -530,7 +530,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
         return np.stack(hits)
 
     skipping = each_ray()
-    monkeypatch.setattr(loops, "_FEW", 10**6)
+    monkeypatch.setattr(program, "_FEW", 10**6)
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 

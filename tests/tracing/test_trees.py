@@ -11,12 +11,12 @@ import pytest
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._search import compiled_world, intersection, loops, search
-from qmcjax.tracing._shapes import triangle_tree
+from qmcjax.tracing._shapes.triangles import LEAF, WORTHWHILE, build_tree
 from qmcjax.tracing._shapes.vectors import components
+from qmcjax.tracing.search import compiled_world, intersection, program
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WAYS = {"jax": loops.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
+WAYS = {"jax": program.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
 
 
 def blob(around, up):
@@ -59,7 +59,7 @@ SHAPES = MESHES | {"many": (soup(1000), None), "flat": (blob(9, 9) * [1, 1, 0], 
 def test_structure(name):
     """Depth-first order with skips; leaves of 2 to 4 triangles, but at the root; all triangles once."""
     vertices, close = SHAPES[name]
-    tree, count = triangle_tree.build(vertices, close), len(vertices)
+    tree, count = build_tree(vertices, close), len(vertices)
     used = tree.skip[0]
     assert used < count and sorted(tree.order) == list(range(count))
     assert all(a.shape == (count,) and a.dtype == np.int32 for a in (tree.order, tree.skip, tree.start))
@@ -70,7 +70,7 @@ def test_structure(name):
             assert tree.skip[other] == tree.skip[node] and tree.start[node + 1] == tree.start[node]
             depth[node + 1] = depth[other] = depth[node] + 1
         else:
-            assert 2 <= tree.start[node + 1] - tree.start[node] <= max(triangle_tree.LEAF, 4)
+            assert 2 <= tree.start[node + 1] - tree.start[node] <= max(LEAF, 4)
             leaves += tree.start[node + 1] - tree.start[node]
     assert leaves == count and max(depth.values()) < 64
     assert np.all(tree.skip[used:] == used) and np.all(tree.start[used:] == count)
@@ -81,7 +81,7 @@ def test_what_is_apart_parts_first():
     two = np.concatenate([blob(12, 9), blob(12, 9) * 0.01 + [30, 0, 0]])
     rng = np.random.default_rng(0)
     shuffled = rng.permutation(len(two))
-    tree = triangle_tree.build(two[shuffled])
+    tree = build_tree(two[shuffled])
     first = shuffled[tree.order[: tree.start[tree.skip[1]]]]
     assert set(first) in (set(range(len(two) // 2)), set(range(len(two) // 2, len(two))))
 
@@ -95,7 +95,9 @@ def rays(count, key, center=0.0):
 @partial(jax.jit, static_argnames=("any_hit", "intersector"))
 def searched(world, origin, direction, time, limit, any_hit=False, intersector=None):
     world = intersection.in_dtype(world, origin.dtype)
-    return search.search(world, components(origin), components(direction), time, limit, any_hit, intersector)
+    return intersection.search(
+        world, components(origin), components(direction), time, limit, any_hit, intersector
+    )
 
 
 def without_trees(world):
@@ -105,13 +107,13 @@ def without_trees(world):
 
 def looped(world, *given):
     """Test all primitives one by one."""
-    return searched(without_trees(world), *given, intersector=loops.by_program)
+    return searched(without_trees(world), *given, intersector=program.by_program)
 
 
 def mesh(vertices, close=None, path=None):
     """Return triangles with a tree, however few they are."""
     item = tracing.triangles(vertices, close, motion=path)
-    return replace(item, shapes=(replace(item.shapes[0], tree=triangle_tree.build(vertices, close)),))
+    return replace(item, shapes=(replace(item.shapes[0], tree=build_tree(vertices, close)),))
 
 
 def same(found, expected, any_hit=False):
@@ -128,17 +130,17 @@ def same(found, expected, any_hit=False):
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="about processors")
 def test_without_numba_few_triangles_need_no_tree(monkeypatch):
     """Their numbers, and those after them, stay; the trees of many are walked by a program of JAX."""
-    monkeypatch.setattr(search, "find_spec", lambda name: None)
+    monkeypatch.setattr(intersection, "find_spec", lambda name: None)
     triangles = np.random.default_rng(1).uniform(-1, 1, (600, 3, 3))
     world = tracing.world([mesh(triangles[:100]), mesh(triangles), tracing.plane([0, 0, -2], [0, 0, 1])])
-    fewer, way = search._fastest(world)
-    assert way is loops.by_program and fewer.count == world.count
+    fewer, way = intersection._fastest(world)
+    assert way is program.by_program and fewer.count == world.count
     assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
 
 
 @pytest.mark.parametrize(
     "way",
-    [loops.by_program, pytest.param(compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
+    [program.by_program, pytest.param(compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
     ids=WAYS,
 )
 @pytest.mark.parametrize(
@@ -231,7 +233,10 @@ def test_boxes_that_move_have_slack():
     origin = np.float32(target + rng.normal(size=(count, 3)) * 10 ** rng.uniform(-5, -3, (count, 1)))
     given = origin, target - origin, time, np.full(count, np.inf, np.float32)
     world = tracing.world([mesh(*vertices)])
-    (_, number), (_, expected) = searched(world, *given, intersector=loops.by_program), looped(world, *given)
+    (_, number), (_, expected) = (
+        searched(world, *given, intersector=program.by_program),
+        looped(world, *given),
+    )
     assert np.mean(expected >= 0) > 0.5
     np.testing.assert_array_equal(number >= 0, expected >= 0)
 
@@ -280,7 +285,7 @@ def test_trees_where_they_pay():
     """Many triangles that are known get one; few, or traced ones, do not. Derivatives never see it."""
     many = blob(12, 9)
     assert np.array_equal(np.sort(tracing.triangles(many).shapes[0].tree.order), np.arange(len(many)))
-    assert tracing.triangles(many[: triangle_tree.WORTHWHILE - 1]).shapes[0].tree is None
+    assert tracing.triangles(many[: WORTHWHILE - 1]).shapes[0].tree is None
     origin, direction = jnp.asarray([0.1, 0.2, -3], jnp.float32), jnp.asarray([0.1, 0, 1.0], jnp.float32)
 
     def distance(vertices, origin):

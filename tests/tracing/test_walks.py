@@ -9,11 +9,10 @@ import pytest
 
 import qmcjax
 from qmcjax import tracing
-from qmcjax.tracing._shapes.triangle_tree import WORTHWHILE
-from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._shapes.triangles import WORTHWHILE, Triangles
 
 ROOT = Path(qmcjax.__file__).parent
-COMPILED = sorted((ROOT / "tracing" / "_search").glob("compiled_*.py"))
+COMPILED = sorted((ROOT / "tracing" / "search").glob("compiled_*.py"))
 
 
 @pytest.mark.slow
@@ -28,8 +27,8 @@ def test_a_ray_meets_a_triangle_within_twelve_frames(count, monkeypatch):
         return test(*given)
 
     monkeypatch.setattr(Triangles, "distance", counted)
-    monkeypatch.setattr("qmcjax.tracing._search.search.find_spec", lambda name: None)
-    monkeypatch.setattr("qmcjax.tracing._search.search._MANY", WORTHWHILE)
+    monkeypatch.setattr("qmcjax.tracing.search.intersection.find_spec", lambda name: None)
+    monkeypatch.setattr("qmcjax.tracing.search.intersection._MANY", WORTHWHILE)
     corners = np.eye(3) + np.arange(count)[:, None, None]
     # So many rays are traced nowhere else: the program is compiled here.
     hit = tracing.nearest_hit(tracing.world([tracing.triangles(corners)]), np.full((83, 3), -1.0), np.ones(3))

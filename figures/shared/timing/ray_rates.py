@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
 from typing import Any
@@ -14,7 +15,9 @@ from numpy.typing import NDArray
 
 from figures.shared.turns import in_turns, median
 from qmcjax import scenes, tracing
-from qmcjax.tracing import intersectors
+from qmcjax.core.pytrees import jit
+from qmcjax.tracing.search import compiled_world, program
+from qmcjax.tracing.search.intersection import Intersector, in_dtype, search
 
 SIZES = {"draft": (2**8, (32,), 1), "paper": (2**18, (32, 512, 8192, 80000), 9)}
 """Rays of a call, triangles of the meshes, turns."""
@@ -101,21 +104,42 @@ def random(count: int) -> Rays:
 def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
     """Return functions of origins, directions, times and limits that find distances and numbers."""
     trees = any(shape.tree is not None for shape, _ in world.batches())
-    chosen = {
-        "fused loops": intersectors.loops if world.count <= LOOPED else None,
-        "tree, JAX": intersectors.trees if trees else None,
-        "compiled": intersectors.compiled if FAST else None,
-    }
+    chosen = {}
+    if world.count <= LOOPED:
+        chosen["fused loops"] = without_trees(world), program.by_program
+    if trees:
+        chosen["tree, JAX"] = world, program.by_program
+    if FAST:
+        chosen["compiled"] = world, compiled_world.search
 
-    def found(
-        way: intersectors.Intersector, origin: Any, direction: Any, time: Any = None, limit: Any = None
-    ) -> Any:
+    def found(way: Any, origin: Any, direction: Any, time: Any = None, limit: Any = None) -> Any:
         count = len(origin)
         time = jnp.zeros(count) if time is None else time
         limit = jnp.full(count, jnp.inf) if limit is None else limit
-        return jax.block_until_ready(way(world, origin, direction, time, limit, any_hit))
+        return jax.block_until_ready(intersections(way[0], origin, direction, time, limit, any_hit, way[1]))
 
-    return {name: partial(found, way) for name, way in chosen.items() if way is not None}
+    return {name: partial(found, way) for name, way in chosen.items()}
+
+
+def without_trees(world: tracing.World) -> tracing.World:
+    """Return a world whose triangles are tested one by one."""
+    items = (replace(item, shapes=tuple(shape.alone() for shape in item.shapes)) for item in world.objects)
+    return replace(world, objects=tuple(items))
+
+
+@jit("any_hit", "method")
+def intersections(
+    world: tracing.World,
+    origin: Any,
+    direction: Any,
+    time: Any,
+    limit: Any,
+    any_hit: bool,
+    method: Intersector,
+) -> Any:
+    """Return distances, the limit without a hit, and primitives, -1 without one, by one method."""
+    start, way = ((a[..., 0], a[..., 1], a[..., 2]) for a in (origin, direction))
+    return search(in_dtype(world, origin.dtype), start, way, time, limit, any_hit, method)
 
 
 def _embree(vertices: NDArray[np.float32], origin: Any, direction: Any) -> dict[str, Call]:

@@ -16,15 +16,14 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats, together
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, named
-from qmcjax.tracing._intervals.linear import parts
-from qmcjax.tracing._intervals.visible import find_intervals
-from qmcjax.tracing._search.intersection import UNKNOWN, in_dtype
-from qmcjax.tracing._search.tiles import by_tiles
-from qmcjax.tracing._shapes.vectors import Vector, components, each, kept, stacked
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, by_name
+from qmcjax.tracing._intervals.visible import find_intervals, split_world
+from qmcjax.tracing._shapes.vectors import Vector, components, each, keep, stacked
 from qmcjax.tracing._world.camera import Sight
 from qmcjax.tracing._world.lights import Environment
 from qmcjax.tracing._world.world import World
+from qmcjax.tracing.search.intersection import UNKNOWN, in_dtype
+from qmcjax.tracing.search.program import map_tiles
 
 TILE = 128
 """Rays that are shaded together: all of them take as many iterations as one of them needs."""
@@ -68,7 +67,7 @@ class AnalyticVisibility:
     def __call__(self, point: Array) -> Array:
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         point = floats("point", point, (len(self.needs),))
-        estimator, coordinates = self.estimator, named(point, self.needs)
+        estimator, coordinates = self.estimator, by_name(point, self.needs)
         if "time" not in estimator.needs:
             return estimator(point)
         world, camera = estimator.guarded()
@@ -84,7 +83,7 @@ class AnalyticVisibility:
             def turn(state: tuple[Array, Vector]) -> tuple[Array, Vector]:
                 place, total = state
                 time, number, weight = _sample(pieces, place, offset, self.samples)
-                sight = Sight(rays[0], kept(weight > 0, rays[1]), time, number)
+                sight = Sight(rays[0], keep(weight > 0, rays[1]), time, number)
                 radiance = estimator.radiance(world, sight, dict(zip(names, others, strict=True)))
                 return place + 1, each(lambda t, r: t + weight * r, total, radiance)
 
@@ -93,7 +92,7 @@ class AnalyticVisibility:
             start = jnp.zeros((), jnp.int32), (zero, zero, zero)
             return list(jax.lax.while_loop(lambda state: state[0] < most, turn, start)[1])
 
-        radiance = by_tiles(tile, (rays, pieces, offset, others), TILE)
+        radiance = map_tiles(tile, (rays, pieces, offset, others), TILE)
         empty = 1 - sum(pieces.share[1:], pieces.share[0])
         for light in world.lights:
             if isinstance(light, Environment):
@@ -116,7 +115,7 @@ class AnalyticVisibility:
         Points have shape (..., len(needs)); the result, in [0, 1], is 0 where visibility is exact.
         """
         point = floats("point", point, (len(self.needs),))
-        coordinates, estimator = named(point, self.needs), self.estimator
+        coordinates, estimator = by_name(point, self.needs), self.estimator
         if "time" not in estimator.needs:
             return jnp.zeros(point.shape[:-1], point.dtype)
         world = in_dtype(estimator.world, point.dtype)
@@ -233,7 +232,7 @@ def analytic_visibility(
         )
     if scene.camera.motion is not None:
         raise TypeError("scene must have a camera that does not move, for visibility in time")
-    jax.eval_shape(lambda world: parts(world).moving, in_dtype(scene.world, np.float32))
+    jax.eval_shape(lambda world: split_world(world).moving, in_dtype(scene.world, np.float32))
     if samples is not None:
         samples = checks.integer("samples", samples, 1, 4096)
     return AnalyticVisibility(scene, samples, checks.integer("intervals", intervals, 1, 256))

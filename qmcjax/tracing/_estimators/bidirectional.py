@@ -11,16 +11,13 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, validate_parts
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice, visible
-from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
+from qmcjax.tracing._light.interaction import Choice, SurfaceInteraction, any_of, emission, interact, visible
 from qmcjax.tracing._light.light_paths import (
     Emission,
     Vertex,
     back,
-    begun,
-    begun_at,
     cut,
     emission_needs,
     emitters,
@@ -28,10 +25,11 @@ from qmcjax.tracing._light.light_paths import (
     light_path,
     square,
     squared,
+    start_density,
+    start_density_at,
 )
-from qmcjax.tracing._light.reflection import evaluate
-from qmcjax.tracing._light.scattering import Turn, bounce_needs, lit, scattered
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, kept, minus, plus, times
+from qmcjax.tracing._light.scattering import Turn, bounce_needs, evaluate, reflect_lights, scatter
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, keep, minus, plus, times
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
@@ -145,7 +143,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
     emitted, chosen = emission(world, at, path.origin, path.normal)
     by_others = square(chosen / path.density)
     if light is not None:
-        by_light = square(begun_at(world, at.hit) * path.scale * path.inverse) * path.ratio
+        by_light = square(start_density_at(world, at.hit) * path.scale * path.inverse) * path.ratio
         by_others = by_others + jnp.where(chosen > 0, by_light, 0)
     weight = 1 / (1 + by_others)
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
@@ -159,10 +157,10 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | 
     if light is not None:
         gained = _joined(world, surface, time, path.throughput, light, surfaces - draw.number)
         radiance = plus(radiance, gained)
-    direction, factor, density = scattered(at, draw.turn)
+    direction, factor, density = scatter(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
     goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~last
-    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
+    direction, throughput = keep(goes_on, direction), keep(goes_on, throughput)
     density = jnp.where(goes_on, density, 1)
     inverse = jnp.where(mirror, 1, 1 / density)
     ratio = surface.ratio(direction)
@@ -186,12 +184,12 @@ def _lit(
             likely = jnp.where(
                 jnp.isinf(light.density), light.distance * light.distance / len(world.lights), light.density
             )
-            start = begun(world, choice.number(world, time))
+            start = start_density(world, choice.number(world, time))
             ratio = square(start * surface.scale / jnp.where(likely > 0, likely, 1))
             others = others + ratio * surface.ratio(light.direction)
         return each(lambda t, r, a: t * r * a / (1 + others), throughput, reflectance, light.arriving)
 
-    return lit(world, choice, surface.at, time, gain)
+    return reflect_lights(world, choice, surface.at, time, gain)
 
 
 def _joined(
@@ -225,7 +223,7 @@ def _joined(
         slope = abs(dot(vertex.at.normal, direction))
         sample = Sample(direction, jnp.sqrt(apart), gained, density, slope)
         seen = visible(world, sample, at.hit.point, time, at.hit.valid & vertex.at.hit.valid & any_of(gained))
-        return plus(radiance, kept(seen, gained)), None
+        return plus(radiance, keep(seen, gained)), None
 
     numbers = jnp.arange(1, count + 1)
     return jax.lax.scan(join, (zero, zero, zero), (light, numbers, opened, others))[0]
@@ -273,7 +271,7 @@ def bidirectional(
     >>> print(scene.needs)
     ('x', 'y', 'bounce1_u', 'bounce1_v', 'emit_way_u', 'emit_way_v')
     """
-    check(world, camera, smooth)
+    validate_parts(world, camera, smooth)
     bounces = checks.integer("bounces", bounces, 0, 64)
     light_bounces = checks.integer("light_bounces", light_bounces, 0, 64)
     return Bidirectional(world, camera, bounces, light_bounces, smooth)

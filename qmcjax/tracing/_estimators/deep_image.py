@@ -1,4 +1,4 @@
-"""Deep framebuffers: sampled, predicted from two others, and corrected (thesis, Sect. 3.3.4)."""
+"""Deep framebuffers: sampled, predicted from two others, and corrected (thesis, Sect. 3.3.4, Fig. 3.6)."""
 
 from typing import Any, NamedTuple
 
@@ -12,9 +12,67 @@ from qmcjax.core import draws
 from qmcjax.core.bits import below_one
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing._estimators.estimator import Estimator
-from qmcjax.tracing._estimators.rasterized import rasterized
-from qmcjax.tracing._search.intersection import frames, in_dtype, intersect
 from qmcjax.tracing._shapes.vectors import components, plus, stacked, where
+from qmcjax.tracing.search.intersection import frames, in_dtype, intersect
+
+
+class Rasterized(NamedTuple):
+    """The triangle in front in each pixel, arrays of shape (height, width, ...)."""
+
+    covered: NDArray[np.bool_]
+    """Whether there is one."""
+    vertices: NDArray[np.intp]
+    """(..., 3): its vertices, as pixel numbers in row-major order."""
+    weights: NDArray[np.float64]
+    """(..., 3): their barycentric weights, which sum to 1."""
+    depth: NDArray[np.float64]
+
+
+def rasterize(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Rasterized:
+    """Rasterize two triangles for each four adjacent pixels, whose vertices have moved.
+
+    All candidates, pairs of a triangle and a pixel of its bounding box, are tested at once.
+
+    Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). Depth
+    is linear between vertices; the smallest is in front. Triangles with an unseen vertex are left out.
+    """
+    height, width = x.shape
+    pixel = np.arange(height * width).reshape(height, width)
+    a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
+    corners = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+    corners = corners[seen.ravel()[corners].all(axis=1)]
+    at_x, at_y = x.ravel().astype(np.float64)[corners], y.ravel().astype(np.float64)[corners]
+    # Boxes in whole pixels, clipped to the image.
+    left = np.clip(np.ceil(at_x.min(axis=1)), 0, width).astype(np.intp)
+    right = np.clip(np.floor(at_x.max(axis=1)), -1, width - 1).astype(np.intp)
+    top = np.clip(np.ceil(at_y.min(axis=1)), 0, height).astype(np.intp)
+    bottom = np.clip(np.floor(at_y.max(axis=1)), -1, height - 1).astype(np.intp)
+    columns, rows = np.maximum(right - left + 1, 0), np.maximum(bottom - top + 1, 0)
+    triangle = np.repeat(np.arange(len(corners)), columns * rows)
+    within = np.arange(len(triangle)) - np.repeat(np.cumsum(columns * rows) - columns * rows, columns * rows)
+    row, column = np.divmod(within, np.maximum(columns, 1)[triangle])
+    column, row = left[triangle] + column, top[triangle] + row
+    dx, dy = at_x[triangle] - column[:, None], at_y[triangle] - row[:, None]
+    (dx_1, dx_2), (dy_1, dy_2) = ([np.roll(d, -k, axis=1) for k in (1, 2)] for d in (dx, dy))
+    areas = dx_1 * dy_2 - dx_2 * dy_1
+    total = areas.sum(axis=1)
+    # Back faces too: rotation may show the other side.
+    inside = (total != 0) & ((areas >= 0).all(axis=1) | (areas <= 0).all(axis=1))
+    triangle, weights = triangle[inside], areas[inside] / total[inside, None]
+    place = row[inside] * width + column[inside]
+    near = np.sum(weights * depth.ravel().astype(np.float64)[corners[triangle]], axis=1)
+    order = np.lexsort((near, place))
+    place, first = np.unique(place[order], return_index=True)
+    front = order[first]
+    covered = np.zeros(height * width, bool)
+    vertices, parts = np.zeros((height * width, 3), np.intp), np.zeros((height * width, 3))
+    nearest = np.full(height * width, np.inf)
+    covered[place], vertices[place], parts[place] = True, corners[triangle[front]], weights[front]
+    nearest[place] = near[front]
+    shape = height, width
+    corners, parts = vertices.reshape(*shape, 3), parts.reshape(*shape, 3)
+    return Rasterized(covered.reshape(shape), corners, parts, nearest.reshape(shape))
+
 
 _FAR = 1e30
 """The depth of pixels without a hit."""
@@ -68,7 +126,7 @@ class Renderer(NamedTuple):
             some = rows[start : start + block]
             wide = np.resize(some, block)
             place = np.stack([wide % self.width, wide // self.width, np.full_like(wide, interval)])
-            of_rows = _sampled(
+            of_rows = _sample_rows(
                 self.scene, jnp.asarray(place.astype(np.float32)), size, jax.random.fold_in(key, number)
             )
             parts.append([np.asarray(a)[: len(some)] for a in of_rows])
@@ -84,7 +142,7 @@ class Renderer(NamedTuple):
         )
         y, x = np.divmod(np.arange(len(sees)), self.width)
         second = np.where(sees & also, ((x ^ y) & 1).astype(bool), also)
-        result = _merged(second, other, one)
+        result = _merge(second, other, one)
         both = (sees & also)[:, None]
         return result._replace(
             color=np.where(both, 0.5 * (one.color + other.color), result.color)
@@ -118,7 +176,7 @@ class Renderer(NamedTuple):
             (n, one), (m, other) = parts
             nearer = other.distance < one.distance
             color = (n * one.color + m * other.color) / np.float32(n + m)
-            whole = _merged(nearer, other, one)._replace(color=color)
+            whole = _merge(nearer, other, one)._replace(color=color)
         for mine, new in zip(predicted, whole, strict=True):
             mine[pixels] = new
         return predicted, taken
@@ -129,14 +187,14 @@ class Renderer(NamedTuple):
         opened, closed = (0.0, 0.0) if camera.still else np.asarray(camera.shutter, np.float64)
         later = (deep.time + intervals * (closed - opened) / self.intervals).astype(np.float32)
         then, now = (
-            [np.asarray(a) for a in _projected(self.scene, deep.inside, deep.number, time)]
+            [np.asarray(a) for a in _project(self.scene, deep.inside, deep.number, time)]
             for time in (deep.time, later)
         )
         y, x = np.divmod(np.arange(len(later)), self.width)
         x, y = x + (now[0] - then[0]) * self.width, y + (now[1] - then[1]) * self.height
         depth = np.where(deep.number < 0, _FAR, now[2])
         shape = self.height, self.width
-        drawn = rasterized(*(a.reshape(shape) for a in (x, y, depth, (now[2] > 0) & (then[2] > 0))))
+        drawn = rasterize(*(a.reshape(shape) for a in (x, y, depth, (now[2] > 0) & (then[2] > 0))))
         vertices, weights = drawn.vertices.reshape(-1, 3), drawn.weights.reshape(-1, 3)
         nearest = np.take_along_axis(vertices, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
         color = np.sum(weights[:, :, None] * deep.color[vertices], axis=1).astype(np.float32)
@@ -144,14 +202,14 @@ class Renderer(NamedTuple):
         return moved, drawn.covered.ravel()
 
 
-def _merged(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepImage:
+def _merge(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepImage:
     return DeepImage(
         *(np.where(which.reshape(-1, *(1,) * (a.ndim - 1)), a, b) for a, b in zip(one, other, strict=True))
     )
 
 
 @jit()
-def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepImage:
+def _sample_rows(scene: Estimator, place: Array, size: Array, key: Array) -> DeepImage:
     """Return one random sample per row at the given (x, y, interval), shape (3, n)."""
     needs = scene.needs
     points = draws.uniform(key, (place.shape[1], len(needs)), place.dtype)
@@ -171,7 +229,7 @@ def _sampled(scene: Estimator, place: Array, size: Array, key: Array) -> DeepIma
 
 
 @jit()
-def _projected(scene: Estimator, inside: Array, number: Array, time: Array) -> tuple[Array, Array, Array]:
+def _project(scene: Estimator, inside: Array, number: Array, time: Array) -> tuple[Array, Array, Array]:
     """Return the screen positions of stored points at some times, and their depths."""
     local, hit = components(inside), number >= 0
     frame = frames(in_dtype(scene.world, time.dtype), number, time)

@@ -9,13 +9,18 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, validate_parts
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice, chosen_by
-from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, emission, interact
-from qmcjax.tracing._light.reflection import reflected
-from qmcjax.tracing._light.scattering import lit
-from qmcjax.tracing._shapes.vectors import Vector, each, kept, where
+from qmcjax.tracing._light.interaction import (
+    Choice,
+    SurfaceInteraction,
+    any_of,
+    choice_needs,
+    emission,
+    interact,
+)
+from qmcjax.tracing._light.scattering import mirror_direction, reflect_lights
+from qmcjax.tracing._shapes.vectors import Vector, each, keep, where
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
@@ -31,7 +36,7 @@ class DirectLight(Estimator):
     smooth: bool = field(metadata={"static": True})
 
     def light_needs(self) -> tuple[str, ...]:
-        return chosen_by(self.world)
+        return choice_needs(self.world)
 
     def moves(self, found: Seen) -> Array:
         return found.moves | found.mirrors if self.mirrors else found.moves
@@ -48,7 +53,7 @@ class DirectLight(Estimator):
         def gain(light: Sample, reflectance: Vector, _: Array) -> Vector:
             return each(lambda r, a: r * a, reflectance, light.arriving)
 
-        of_lights = lit(world, Choice.of(coordinates), last, time, gain)
+        of_lights = reflect_lights(world, Choice.of(coordinates), last, time, gain)
         return each(lambda emitted, t, light: emitted + t * light, seen, throughput, of_lights)
 
 
@@ -57,7 +62,7 @@ def _mirrored(world: World, time: Array, last: SurfaceInteraction, throughput: V
     mirror = last.surface.mirror
     assert mirror is not None
     on = last.hit.valid & any_of(mirror)
-    direction = kept(on, reflected(last.normal, last.outgoing))
+    direction = keep(on, mirror_direction(last.normal, last.outgoing))
     throughput = each(lambda t, m: jnp.where(on, t * m, t), throughput, mirror)
     following = interact(world, last.hit.point, direction, time)
     emitted, _ = emission(world, following, last.hit.point, last.normal)
@@ -100,5 +105,5 @@ def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool
     >>> print(scene.needs, scene(jnp.array([0.5, 0.5])).round(4))
     ('x', 'y') [1. 1. 1.]
     """
-    check(world, camera, smooth)
+    validate_parts(world, camera, smooth)
     return DirectLight(world, camera, checks.integer("mirrors", mirrors, 0, 64), smooth)

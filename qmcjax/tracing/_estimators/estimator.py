@@ -10,13 +10,13 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats, moves_an_edge, together
-from qmcjax.tracing._estimators.varies import Seen, seen
-from qmcjax.tracing._search.intersection import in_dtype
+from qmcjax.tracing._estimators.varies import Seen, find_seen
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.vectors import Vector, stacked
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.world import World, as_world
 from qmcjax.tracing.motion import Affine
+from qmcjax.tracing.search.intersection import in_dtype
 
 Coordinates = dict[str, Array]
 """Those that a scene needs, by name, of shape (n,)."""
@@ -35,7 +35,7 @@ class Estimator(ABC):
     @property
     def needs(self) -> tuple[str, ...]:
         """The name of each dimension: screen, time and lens if they matter, and those of light transport."""
-        moves = not self.camera.still and moving(self.world, self.camera)
+        moves = not self.camera.still and anything_moves(self.world, self.camera)
         return ("x", "y", *(("time",) if moves else ()), *self.camera.lens, *self.light_needs())
 
     @abstractmethod
@@ -50,13 +50,13 @@ class Estimator(ABC):
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         needs = self.needs
         point = floats("point", point, (len(needs),))
-        coordinates = named(point, needs)
+        coordinates = by_name(point, needs)
         world, camera = self.guarded()
         world = in_dtype(world, point.dtype)
         time = coordinates.get("time", jnp.zeros_like(coordinates["x"]))
         time = camera.times(time)
         if camera.still or "time" not in needs:
-            world = stilled(world, camera, point)
+            world = freeze(world, camera, point)
         lens = tuple(coordinates[name] for name in camera.lens)
         sight = camera.rays(coordinates["x"], coordinates["y"], time, lens)
         return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
@@ -73,8 +73,8 @@ class Estimator(ABC):
         if self.camera.motion is not None:
             return jnp.ones_like(low, bool)
         if "time" not in needs:
-            world = stilled(world, self.camera, low)
-        found = seen(world, self.camera, low[..., :2], high[..., :2])
+            world = freeze(world, self.camera, low)
+        found = find_seen(world, self.camera, low[..., :2], high[..., :2])
         depends = dict.fromkeys(("x", "y", *self.camera.lens), found.anything) | {"time": self.moves(found)}
         return jnp.stack([depends.get(name, found.objects) for name in needs], axis=-1)
 
@@ -84,66 +84,65 @@ class Estimator(ABC):
             return self.world, self.camera
         objects = (
             Object(
-                _refused("shapes", item.shapes),
-                _refused("motion", item.motion),
-                _guarded("material", item.material),
+                _guard_all("shapes", item.shapes),
+                _guard_all("motion", item.motion),
+                _guard_smooth("material", item.material),
             )
             for item in self.world.objects
         )
-        lights = (_guarded("light", light) for light in self.world.lights)
-        return World(tuple(objects), tuple(lights)), _refused("camera", self.camera)
+        lights = (_guard_smooth("light", light) for light in self.world.lights)
+        return World(tuple(objects), tuple(lights)), _guard_all("camera", self.camera)
 
     @abstractmethod
     def moves(self, found: Seen) -> Array:
         """Return where time may matter."""
 
 
-def named(point: Array, needs: tuple[str, ...]) -> Coordinates:
+def by_name(point: Array, needs: tuple[str, ...]) -> Coordinates:
     """Return the coordinates of points, shape (..., len(needs))."""
     flat = point.reshape(-1, len(needs))
     return {name: flat[:, j] for j, name in enumerate(needs)}
 
 
-def moving(world: World, camera: Camera) -> bool:
+def anything_moves(world: World, camera: Camera) -> bool:
     """Whether anything depends on time."""
     return camera.motion is not None or any(item.moves or item.recolors for item in world.objects)
 
 
-def stilled(world: World, camera: Camera, like: Array) -> World:
+def freeze(world: World, camera: Camera, like: Array) -> World:
     """Return the world when the shutter opens: motions are evaluated once, not for each ray."""
     time = jnp.asarray(camera.shutter).astype(like.dtype).reshape(-1)[0]
 
     def still(item: Object) -> Object:
-        frame = item.frame(time[None])
-        motion = None
-        if frame is not None:
-            columns = jnp.stack([stacked(column)[0] for column in frame.columns], axis=-1)
-            motion = Affine(columns, stacked(frame.translation)[0])
+        placed = item.placed(time)
+        motion = None if placed is None else Affine(*placed)
         return Object(tuple(shape.at(time) for shape in item.shapes), motion, item.material)
 
     return World(tuple(still(item) for item in world.objects), world.lights)
 
 
-def _guarded(name: str, value: Any) -> Any:
+def _guard_smooth(name: str, value: Any) -> Any:
     """Guard all fields except those that a class declares smooth."""
     smooth = getattr(type(value), "smooth", None)
     if smooth is None:
         return value
     fields = {
-        field: _guarded(f"{name}.{field}", part) if field in smooth else _refused(f"{name}.{field}", part)
+        field: _guard_smooth(f"{name}.{field}", part)
+        if field in smooth
+        else _guard_all(f"{name}.{field}", part)
         for field, part in vars(value).items()
     }
     return replace(value, **fields)
 
 
-def _refused(name: str, value: Any) -> Any:
+def _guard_all(name: str, value: Any) -> Any:
     leaves, tree = jax.tree_util.tree_flatten_with_path(value)
     return tree.unflatten(
         [moves_an_edge(name + jax.tree_util.keystr(path), jnp.asarray(leaf)) for path, leaf in leaves]
     )
 
 
-def check(world: Any, camera: Any, smooth: Any) -> None:
+def validate_parts(world: Any, camera: Any, smooth: Any) -> None:
     """Check the arguments that all estimators share."""
     as_world(world)
     if not isinstance(camera, Camera):

@@ -10,12 +10,11 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, check
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, validate_parts
 from qmcjax.tracing._estimators.varies import Seen
-from qmcjax.tracing._light.illumination import Choice
-from qmcjax.tracing._light.interaction import any_of, emission, interact
-from qmcjax.tracing._light.scattering import Turn, bounce_needs, lit, scattered
-from qmcjax.tracing._shapes.vectors import Vector, each, kept, plus
+from qmcjax.tracing._light.interaction import Choice, any_of, emission, interact
+from qmcjax.tracing._light.scattering import Turn, bounce_needs, reflect_lights, scatter
+from qmcjax.tracing._shapes.vectors import Vector, each, keep, plus
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
@@ -97,8 +96,8 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
         weight = jnp.where(draw.last, 1, _weight(light.density, density))
         return each(lambda t, r, a: t * r * a * weight, path.throughput, reflectance, light.arriving)
 
-    radiance = plus(radiance, lit(world, draw.choice, at, time, gain))
-    direction, factor, density = scattered(at, draw.turn)
+    radiance = plus(radiance, reflect_lights(world, draw.choice, at, time, gain))
+    direction, factor, density = scatter(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
     goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~draw.last
     if draw.roulette is not None:
@@ -106,7 +105,7 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
         survival = jax.lax.stop_gradient(jnp.where(draw.roulette < 0, 1, jnp.clip(largest, 0, 1)))
         goes_on = goes_on & (draw.roulette < survival)
         throughput = each(lambda t: t / jnp.where(survival > 0, survival, 1), throughput)
-    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
+    direction, throughput = keep(goes_on, direction), keep(goes_on, throughput)
     density = jnp.where(goes_on, density, 1)
     return _Path(at.hit.point, direction, at.normal, density, throughput, radiance)
 
@@ -162,7 +161,7 @@ def path_tracing(
     >>> print(scene.needs)
     ('x', 'y', 'light_u', 'light_v', 'bounce1_u', 'bounce1_v', 'light1_u', 'light1_v')
     """
-    check(world, camera, smooth)
+    validate_parts(world, camera, smooth)
     bounces = checks.integer("bounces", bounces, 0, 64)
     if roulette is not None:
         roulette = checks.integer("roulette", roulette, 1, 64)

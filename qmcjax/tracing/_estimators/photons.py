@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax
@@ -10,16 +12,122 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from qmcjax.core import checks
-from qmcjax.core.parameters import numbers, require
+from qmcjax.core.parameters import known, numbers, require
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing._estimators.photon_map import Photons
 from qmcjax.tracing._intervals.visible import visible_intervals
 from qmcjax.tracing._light.interaction import any_of, interact
-from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters, is_mirror, started
-from qmcjax.tracing._light.scattering import Turn, scattered
-from qmcjax.tracing._search.intersection import in_dtype
-from qmcjax.tracing._shapes.vectors import components, each, kept, stacked
+from qmcjax.tracing._light.light_paths import Emission, emission_needs, emitters, is_mirror, start_paths
+from qmcjax.tracing._light.scattering import Turn, scatter
+from qmcjax.tracing._shapes.vectors import components, each, keep, stacked
 from qmcjax.tracing._world.world import World, as_world
+from qmcjax.tracing.search.intersection import in_dtype
+
+_QUERIES = 1024
+"""Query points that are processed together: bounds the memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Photons:
+    """Where and when light arrives; see :func:`photons`."""
+
+    position: NDArray
+    """(n, 3): on surfaces, at the time of the hit."""
+    incoming: NDArray
+    """(n, 3): unit vectors, the direction of travel."""
+    energy: NDArray
+    """(n, 3): power times time, with the shutter's unit of time."""
+    start: NDArray
+    """(n,): start of the arrival ..."""
+    end: NDArray
+    """(n,): ... and its end, uniform in between. Equal to the start for a single time."""
+    shape: NDArray[np.int32]
+    """(n,): the number of the primitive."""
+    shutter: tuple[float, float]
+
+    @cached_property
+    def _tree(self) -> Any:
+        from scipy.spatial import KDTree
+
+        return KDTree(self.position)
+
+    def irradiance(
+        self,
+        point: ArrayLike,
+        normal: ArrayLike,
+        time: ArrayLike,
+        radius: float,
+        window: float = 1.0,
+    ) -> NDArray[np.float64]:
+        """Estimate the irradiance of surfaces from photons nearby in space and time.
+
+        Parameters
+        ----------
+        point, normal : float ArrayLike, shape (..., 3)
+            Of the surfaces; only photons from the side of the normal count.
+        time : float ArrayLike, shape (...)
+            While the shutter is open. Shapes are broadcast.
+        radius : float
+            Radius of the ball of photons, positive; the surface in it is taken to be a flat disc.
+        window : float, optional
+            In (0, 1]. Photons with a single time count if it differs by at most half the window, which is
+            clipped to the shutter. Photons with intervals count exactly while they arrive.
+
+        Returns
+        -------
+        float64 array, shape (..., 3)
+            Power per area.
+        """
+        point, normal = (_vectors(name, value) for name, value in (("point", point), ("normal", normal)))
+        time = known("time", time)
+        opened, closed = self.shutter
+        require("time", time, lambda t: (t >= opened) & (t <= closed), f"in [{opened:g}, {closed:g}]")
+        near, wide = numbers("radius", radius), numbers("window", window)
+        require("radius", near, lambda r: r > 0, "positive")
+        require("window", wide, lambda w: (w > 0) & (w <= 1), "in (0, 1]")
+        shapes = {"point": point.shape[:-1], "normal": normal.shape[:-1], "time": time.shape}
+        try:
+            shape = np.broadcast_shapes(*shapes.values())
+        except ValueError:
+            raise ValueError(f"shapes of point, normal and time must broadcast, got {shapes}") from None
+        place, front = (np.broadcast_to(a, (*shape, 3)).reshape(-1, 3) for a in (point, normal))
+        when = np.broadcast_to(time, shape).ravel()
+        found = np.zeros(place.shape)
+        for first in range(0, len(found), _QUERIES):
+            some = slice(first, first + _QUERIES)
+            found[some] = self._arriving(place[some], front[some], when[some], float(near), float(wide))
+        return found.reshape(*shape, 3) / (np.pi * float(near) ** 2)
+
+    def _arriving(
+        self, point: NDArray, normal: NDArray, time: NDArray, radius: float, window: float
+    ) -> NDArray[np.float64]:
+        """Return the power that arrives in balls around points."""
+        from scipy.spatial import KDTree
+
+        pairs = KDTree(point).sparse_distance_matrix(self._tree, radius, output_type="ndarray")
+        here, photon = pairs["i"], pairs["j"]
+        at, start, end = time[here], self.start[photon], self.end[photon]
+        opened, closed = self.shutter
+        low, high = np.maximum(time - 0.5 * window, opened), np.minimum(time + 0.5 * window, closed)
+        lasts = end > start
+        # Intervals that touch share no time, but the last one includes the end of the shutter.
+        during = np.where(
+            lasts,
+            (at >= start) & ((at < end) | (end == closed)),
+            (start >= low[here]) & (start <= high[here]),
+        )
+        front = np.sum(self.incoming[photon] * normal[here], axis=1) < 0
+        power = 1 / np.where(lasts, end - start, (high - low)[here])
+        weight = np.where(during & front, power, 0)
+        sums = [np.bincount(here, weight * self.energy[photon, j], len(point)) for j in range(3)]
+        return np.stack(sums, axis=-1).astype(np.float64)
+
+
+def _vectors(name: str, value: Any) -> NDArray[np.float64]:
+    array = known(name, value)
+    if array.shape[-1:] != (3,):
+        raise ValueError(f"{name} must have shape (..., 3), got {array.shape}")
+    require(name, array, np.isfinite, "finite")
+    return array
 
 
 class _Flying(NamedTuple):
@@ -128,10 +236,10 @@ def photons(
     rule = "(open, close) in [0, 1], open < close"
     require("shutter", times, lambda s: (s >= 0) & (s <= 1) & (s[0] < s[1]), rule)
     with checks.precision(points.dtype):
-        return _flown(world, points, needs, bounces, intervals, np.asarray(times).astype(points.dtype))
+        return _follow(world, points, needs, bounces, intervals, np.asarray(times).astype(points.dtype))
 
 
-def _flown(
+def _follow(
     world: World, points: NDArray, needs: tuple[str, ...], bounces: int, intervals: int | None, times: NDArray
 ) -> Photons:
     """Follow photons from surface to surface."""
@@ -139,7 +247,7 @@ def _flown(
     opened, closed = times
     number = np.arange(len(points))
     emission = Emission.of({name: jnp.asarray(value) for name, value in coordinates.items()})
-    origin, direction, power = (np.asarray(a) for a in _started(world, emission))
+    origin, direction, power = (np.asarray(a) for a in _start(world, emission))
     energy = power * ((closed - opened) / len(points)).astype(points.dtype)
     start, end = np.full_like(points[:, 0], opened), np.full_like(points[:, 0], closed)
     if intervals is None:
@@ -147,13 +255,13 @@ def _flown(
     flying, changes, hits = _Flying(number, origin, direction, energy, start, end), _changes(world), []
     for bounce in range(bounces + 1):
         if intervals is not None:
-            flying = _parted(world, flying, intervals, (float(opened), float(closed)))
+            flying = _split(world, flying, intervals, (float(opened), float(closed)))
         chosen = coordinates["time"][flying.number]
         time = flying.start + (flying.end - flying.start) * chosen
         mine = {name: value[flying.number] for name, value in coordinates.items()}
         turn = Turn.of(mine, f"scatter{bounce + 1}") if bounce < bounces else None
         point, shape, stored, *scattered_to = _in_rows(
-            _arrived, world, (flying.origin, flying.direction, time, turn)
+            _arrive, world, (flying.origin, flying.direction, time, turn)
         )
         at_once = (shape >= 0) & changes[shape]
         flying = flying._replace(
@@ -170,7 +278,7 @@ def _flown(
     return Photons(*whole, shutter=(float(opened), float(closed)))
 
 
-def _parted(world: World, flying: _Flying, count: int, shutter: tuple[float, float]) -> _Flying:
+def _split(world: World, flying: _Flying, count: int, shutter: tuple[float, float]) -> _Flying:
     """Split photons into the intervals in which they hit one primitive."""
     lasts = flying.end > flying.start
     at_once, lasting = (_Flying(*(a[rows] for a in flying)) for rows in (~lasts, lasts))
@@ -199,26 +307,24 @@ def _in_rows(function: Any, world: World, rows: Any) -> list[NDArray]:
 
 
 @jit()
-def _started(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _start(world: World, emission: Emission) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Return the origins and directions of photons, and the power of each."""
     world = in_dtype(world, emission.way_u.dtype)
-    start, extent, _ = started(world, emission, jnp.zeros_like(emission.way_u))
+    start, extent, _ = start_paths(world, emission, jnp.zeros_like(emission.way_u))
     return stacked(start.point), stacked(start.direction), stacked(each(lambda r: r * extent, start.radiance))
 
 
 @jit()
-def _arrived(
-    world: World, origin: jax.Array, direction: jax.Array, time: jax.Array, turn: Turn | None
-) -> Any:
+def _arrive(world: World, origin: jax.Array, direction: jax.Array, time: jax.Array, turn: Turn | None) -> Any:
     """Return the hits of photons, their primitives, whether they are stored, and how they scatter."""
     world = in_dtype(world, origin.dtype)
     at = interact(world, components(origin), components(direction), time)
     point, stored = stacked(at.hit.point), at.hit.valid & ~is_mirror(at)
     if turn is None:
         return point, at.hit.number, stored
-    on, factor, density = scattered(at, turn)
+    on, factor, density = scatter(at, turn)
     goes_on = at.hit.valid & (density > 0) & any_of(factor)
-    return point, at.hit.number, stored, stacked(kept(goes_on, on)), stacked(kept(goes_on, factor))
+    return point, at.hit.number, stored, stacked(keep(goes_on, on)), stacked(keep(goes_on, factor))
 
 
 def _changes(world: World) -> NDArray[np.bool_]:
@@ -226,6 +332,6 @@ def _changes(world: World) -> NDArray[np.bool_]:
     changes = np.zeros(max(world.count, 1), bool)
     for item, start in world.numbered():
         of_all = item.motion is not None or item.recolors
-        for shape, before in zip(item.shapes, item.starts, strict=True):
-            changes[start + before : start + before + shape.count] = of_all or shape.moving
+        for shape, first in item.numbered(start):
+            changes[first : first + shape.count] = of_all or shape.moving
     return changes

@@ -14,8 +14,8 @@ from jax import Array
 
 from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._light.interaction import kinds
-from qmcjax.tracing._shapes.flat import Plane
 from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.primitives import Plane
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.vectors import along, components, plus, scaled, stacked
 from qmcjax.tracing._world.camera import Camera
@@ -66,7 +66,7 @@ class _Shaft(NamedTuple):
     high_slope: Array
 
 
-def seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
+def find_seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
     """Return what rays between opposite corners of boxes on the screen, (..., 2), may meet at any time."""
     dtype = low.dtype
     moving = [item for item in world.objects if item.moves]

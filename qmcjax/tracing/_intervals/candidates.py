@@ -12,12 +12,24 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._intervals.linear import Batch
-from qmcjax.tracing._intervals.spans import Depth, ShearedRays, Spans
+from qmcjax.tracing._intervals.spans import Balls, Depth, Polygons, ShearedRays, Spans
 from qmcjax.tracing._shapes.shape_batches import meets, rounding
+from qmcjax.tracing._shapes.triangles import Tree
 from qmcjax.tracing._shapes.vectors import components, each, largest
 
 _SLOTS = 8
+
+
+class Batch(NamedTuple):
+    """Linearly moving primitives of one kind, one linear segment per row."""
+
+    rows: Polygons | Balls
+    numbers: Array
+    """int32 (rows,): of the primitives in the world."""
+    tree: Tree | None = None
+    """Of the rows of one segment: the other segments repeat this order."""
+    boxes: Array | None = None
+    """(nodes, 6): low and high, of all times."""
 
 
 class Candidates(NamedTuple):
@@ -67,13 +79,13 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
     return RayState(candidates, one, bound, opened, closed)
 
 
-def collected(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
+def collect(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
     """Add the spans of a batch of primitives.
 
     Rows that any ray of the tile may hit are listed first, then their spans are computed.
     """
     rows = batch.rows
-    order, listed = _listed(state, batch, view)
+    order, listed = _list_rows(state, batch, view)
 
     def turn(place: Any, state: RayState) -> RayState:
         row = order[place]
@@ -83,14 +95,14 @@ def collected(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
         return jax.lax.fori_loop(
             0,
             used,
-            lambda one, state: _inserted(state, jax.tree.map(partial(_row, one), spans), batch.numbers[row]),
+            lambda one, state: _insert(state, jax.tree.map(partial(_row, one), spans), batch.numbers[row]),
             state,
         )
 
     return jax.lax.fori_loop(0, listed, turn, state)
 
 
-def _listed(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
+def _list_rows(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
     """Return the rows that any ray of the tile may hit, and their number."""
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]
@@ -150,7 +162,7 @@ def _row(number: Any, a: Array) -> Array:
     return jax.lax.dynamic_index_in_dim(a, number, a.ndim - 2, keepdims=False)
 
 
-def _inserted(state: RayState, span: Spans, number: Array) -> RayState:
+def _insert(state: RayState, span: Spans, number: Array) -> RayState:
     """Insert spans, one per ray, in place of an empty one, a hidden one, or the last to start.
 
     The span that starts last is dropped if there is no room: up to its start everything is known.

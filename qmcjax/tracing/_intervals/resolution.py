@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._intervals.bernstein import middle, product, restricted
 from qmcjax.tracing._intervals.candidates import Candidates, RayState
+from qmcjax.tracing._intervals.spans import middle, product, restrict
 
 _STEPS = 128
 """Maximum number of steps per interval: a crossing takes about twice as many as a number has digits."""
@@ -50,7 +50,7 @@ class _March(NamedTuple):
     found: Intervals
 
 
-def resolved(state: RayState) -> Intervals:
+def resolve(state: RayState) -> Intervals:
     """Return which candidates are seen when."""
     spans = state.candidates
     count, rays = spans.start.shape
@@ -63,7 +63,7 @@ def resolved(state: RayState) -> Intervals:
     march = _March(
         opened,
         opened,
-        _next(spans, opened, closed),
+        _next_event(spans, opened, closed),
         jnp.zeros_like(opened),
         jnp.ones_like(opened),
         jnp.zeros(rays, jnp.int32),
@@ -74,7 +74,7 @@ def resolved(state: RayState) -> Intervals:
     limit = _STEPS * count
 
     def go(given: tuple[Array, _March]) -> tuple[Array, _March]:
-        return given[0] + 1, _stepped(spans, closed, given[1])
+        return given[0] + 1, _advance(spans, closed, given[1])
 
     def more(given: tuple[Array, _March]) -> Array:
         return (given[0] < limit) & jnp.any(given[1].going)
@@ -83,13 +83,13 @@ def resolved(state: RayState) -> Intervals:
     return march.found._replace(until=march.time)
 
 
-def _next(spans: Candidates, time: Array, closed: Array) -> Array:
+def _next_event(spans: Candidates, time: Array, closed: Array) -> Array:
     """Return when the next span starts or ends."""
     events = [jnp.where(a > time[None], a, 2).min(axis=0) for a in (spans.start, spans.end)]
     return jnp.minimum(jnp.minimum(*events), jnp.maximum(closed, time))
 
 
-def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
+def _advance(spans: Candidates, closed: Array, march: _March) -> _March:
     time, found = march.time, march.found
     whole = march.part + march.step >= 1
     inner = march.base + (march.event - march.base) * (march.part + march.step)
@@ -105,7 +105,7 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
     number = jnp.where(there & mine, spans.number, -1).max(axis=0)
 
     def compared() -> tuple[Array, Array]:
-        sure, which = _compared(spans, there, time, end)
+        sure, which = _compare(spans, there, time, end)
         return known | sure, jnp.where(known, number, which)
 
     unclear = jnp.any(march.going & ~known)
@@ -135,7 +135,7 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
     return _March(
         time,
         jnp.where(again, end, march.base),
-        jnp.where(reached, _next(spans, time, closed), march.event),
+        jnp.where(reached, _next_event(spans, time, closed), march.event),
         jnp.where(again, 0, jnp.where(done, part, march.part)),
         jnp.where(again, 1, step),
         used,
@@ -145,12 +145,12 @@ def _stepped(spans: Candidates, closed: Array, march: _March) -> _March:
     )
 
 
-def _compared(spans: Candidates, there: Array, time: Array, end: Array) -> tuple[Array, Array]:
+def _compare(spans: Candidates, there: Array, time: Array, end: Array) -> tuple[Array, Array]:
     """Return whether the nearest span is certain from one time to another, and its number."""
     depth = spans.depth
     length = jnp.where(spans.end > spans.start, jnp.minimum(spans.end, 1) - spans.start, 1)
     first, last = (jnp.clip((t[None] - spans.start) / length, 0, 1) for t in (time, end))
-    num, den, squared = (restricted(a, first, last) for a in (depth.num, depth.den, depth.squared))
+    num, den, squared = (restrict(a, first, last) for a in (depth.num, depth.den, depth.squared))
     ends = [jnp.sqrt(jnp.maximum(squared[k], 0)) for k in (0, 2)]
     chord = jnp.stack([depth.side * (ends[0] + (ends[1] - ends[0]) * (k / 3)) for k in range(4)])
     # Above its chord the root rises by no more than this, since its square is concave.

@@ -19,14 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from qmcjax.tracing._light.illumination import by_kind, chosen
-from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, interact
-from qmcjax.tracing._light.reflection import evaluate
-from qmcjax.tracing._light.scattering import Turn, scattered, turned_by
-from qmcjax.tracing._search.intersection import Intersection
-from qmcjax.tracing._shapes.vectors import Vector, dot, each, kept, minus, times, where
+from qmcjax.tracing._light.interaction import SurfaceInteraction, any_of, by_kind, choose, interact
+from qmcjax.tracing._light.scattering import Turn, evaluate, scatter, turn_needs
+from qmcjax.tracing._shapes.vectors import Vector, dot, each, keep, minus, times, where
 from qmcjax.tracing._world.lights import Source, Start
 from qmcjax.tracing._world.world import World
+from qmcjax.tracing.search.intersection import Intersection
 
 _LARGE = 1e9
 """Ratios of densities are clamped here: larger ones do not matter, and two squares of it are finite."""
@@ -79,11 +77,11 @@ def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
         return ()
     which = ("emit",) if len(lights) > 1 else ()
     place = ("emit_u", "emit_v") if any(light.coordinates for light in lights) else ()
-    turns = [name for s in range(1, vertices) for name in turned_by(world, f"scatter{s}")]
+    turns = [name for s in range(1, vertices) for name in turn_needs(world, f"scatter{s}")]
     return (*which, *place, "emit_way_u", "emit_way_v", *turns)
 
 
-def begun(world: World, number: Array) -> Array:
+def start_density(world: World, number: Array) -> Array:
     """Return the density of paths starting at a light, by area and projected angle; 0 without one."""
     dtype = jnp.result_type(*jax.tree.leaves(world.lights))
     densities = [
@@ -92,14 +90,14 @@ def begun(world: World, number: Array) -> Array:
     return jnp.stack(densities)[number] / max(len(emitters(world)), 1)
 
 
-def begun_at(world: World, at: Intersection) -> Array:
+def start_density_at(world: World, at: Intersection) -> Array:
     """Return the same for the lights that rays hit; 0 without a hit."""
     places = [place for place, light in enumerate(world.lights) if light.object() is not None]
     if not places:
         return jnp.zeros_like(at.distance)
     number = at.number - (world.count - len(places))
     light = jnp.asarray(np.array(places, np.int32))[jnp.maximum(number, 0)]
-    return jnp.where(number >= 0, begun(world, light), 0)
+    return jnp.where(number >= 0, start_density(world, light), 0)
 
 
 def back(at: SurfaceInteraction, direction: Vector) -> Array:
@@ -133,22 +131,22 @@ def cut(squares: Array) -> Array:
 
 def light_path(world: World, time: Array, emission: Emission, turns: list[Turn]) -> Vertex:
     """Return the vertices of light paths, one more than turns, along a new first axis."""
-    first = _first(world, time, emission)
+    first = _first_vertex(world, time, emission)
     if not turns:
         return jax.tree.map(lambda leaf: leaf[None], first)
 
     def step(vertex: Vertex, turn: Turn) -> tuple[Vertex, Vertex]:
-        new = _next(world, time, vertex, turn)
+        new = _next_vertex(world, time, vertex, turn)
         return new, new
 
     others = jax.lax.scan(step, first, jax.tree.map(lambda *parts: jnp.stack(parts), *turns))[1]
     return jax.tree.map(lambda one, more: jnp.concatenate([one[None], more]), first, others)
 
 
-def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array, Array]:
+def start_paths(world: World, emission: Emission, zero: Array) -> tuple[Start, Array, Array]:
     """Return the emitted rays, one over their density, and 1 for lights with an extent, else 0."""
     lights = emitters(world)
-    number = chosen(emission.light, len(lights), zero)
+    number = choose(emission.light, len(lights), zero)
     start, extent, visible = Start((zero, zero, zero), (zero, zero, zero), (zero, zero, zero)), zero, zero
     u, v = (zero if part is None else part for part in (emission.u, emission.v))
     for batch, row, here in by_kind(lights, number):
@@ -158,11 +156,11 @@ def started(world: World, emission: Emission, zero: Array) -> tuple[Start, Array
     return start, len(lights) * extent, visible
 
 
-def _first(world: World, time: Array, emission: Emission) -> Vertex:
+def _first_vertex(world: World, time: Array, emission: Emission) -> Vertex:
     """Return the first surfaces of light paths."""
     lights, zero = emitters(world), jnp.zeros_like(time)
-    number = chosen(emission.light, len(lights), zero)
-    start, extent, visible = started(world, emission, zero)
+    number = choose(emission.light, len(lights), zero)
+    start, extent, visible = start_paths(world, emission, zero)
     at = interact(world, start.point, start.direction, time)
     # Density of hitting that point of the light from the surface: by area, with the light's cosine.
     likely = zero
@@ -179,12 +177,12 @@ def _first(world: World, time: Array, emission: Emission) -> Vertex:
     return Vertex(at, times(power, start.radiance), scale, near, zero, visible, mirror, ~mirror)
 
 
-def _next(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
+def _next_vertex(world: World, time: Array, last: Vertex, turn: Turn) -> Vertex:
     """Return the next surfaces of light paths."""
-    direction, factor, density = scattered(last.at, turn)
+    direction, factor, density = scatter(last.at, turn)
     throughput = each(lambda t, f: t * f, last.throughput, factor)
     goes_on = last.at.hit.valid & (density > 0) & any_of(throughput)
-    direction, throughput = kept(goes_on, direction), kept(goes_on, throughput)
+    direction, throughput = keep(goes_on, direction), keep(goes_on, throughput)
     density = jnp.where(last.mirror | ~goes_on, 1, density)
     at = interact(world, last.at.hit.point, direction, time)
     apart = squared(at.hit.point, last.at.hit.point)

@@ -11,8 +11,18 @@ from qmcjax.core.parameters import cast
 from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
-from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, largest, minus, plus, times
-from qmcjax.tracing.motion.evaluation import moved
+from qmcjax.tracing._shapes.vectors import (
+    Vector,
+    components,
+    cross,
+    dot,
+    largest,
+    minus,
+    plus,
+    stacked,
+    times,
+)
+from qmcjax.tracing.motion.evaluation import evaluate_motion
 
 
 class Frame(NamedTuple):
@@ -37,7 +47,7 @@ class Frame(NamedTuple):
         return _combined(self.duals, gradient)
 
 
-def seen_from(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
+def to_object_space(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
     """Return world rays in the object space of a frame; distances along them stay the same."""
     size = largest(origin)
     if frame is not None:
@@ -76,10 +86,10 @@ class Object:
         """Number of primitives."""
         return sum(shape.count for shape in self.shapes)
 
-    @property
-    def starts(self) -> list[int]:
-        """Number of the first primitive of each shape."""
-        return list(accumulate((shape.count for shape in self.shapes[:-1]), initial=0))
+    def numbered(self, first: int) -> list[tuple[Shape, int]]:
+        """Return shapes with the numbers of their first primitives, by that of the object."""
+        starts = accumulate((shape.count for shape in self.shapes[:-1]), initial=first)
+        return list(zip(self.shapes, starts, strict=True)) if self.shapes else []
 
     @property
     def moves(self) -> bool:
@@ -99,13 +109,20 @@ class Object:
         if self.motion is None:
             return None
         time = jnp.where(jnp.isfinite(time), time, 0)
-        matrix, translation = cast(moved(unwrap(self.motion), time), time.dtype)
+        matrix, translation = cast(evaluate_motion(unwrap(self.motion), time), time.dtype)
         a, b, c = (components(matrix[..., j]) for j in range(3))
         duals = cross(b, c), cross(c, a), cross(a, b)
         volume = dot(a, duals[0])
         inverse = jnp.where(volume == 0, 0, 1 / jnp.where(volume == 0, 1, volume))
         duals = times(inverse, duals[0]), times(inverse, duals[1]), times(inverse, duals[2])
         return Frame((a, b, c), duals, components(translation))
+
+    def placed(self, time: Array) -> tuple[Array, Array] | None:
+        """Return the map at one time as a matrix (3, 3) and a translation (3,); None for the identity."""
+        frame = self.frame(time[None])
+        if frame is None:
+            return None
+        return jnp.stack([stacked(a)[0] for a in frame.columns], axis=-1), stacked(frame.translation)[0]
 
     def bounds(self) -> tuple[Array, Array]:
         """Return the bounding box of the shapes in object space, at all times: low and high, (3,)."""

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from qmcjax.core.maps import disc
+
 Vector = tuple[Any, Any, Any]
 
 
@@ -37,7 +39,7 @@ def where(here: Any, one: Any, other: Any) -> Any:
     return jax.tree.map(partial(jnp.where, here), one, other)
 
 
-def kept(here: Any, a: Vector) -> Vector:
+def keep(here: Any, a: Vector) -> Vector:
     """Return vectors where a condition holds, else 0."""
     return each(lambda part: jnp.where(here, part, 0), a)
 
@@ -104,6 +106,34 @@ def tangents(normal: Vector) -> tuple[Vector, Vector]:
     a = -1 / (sign + z)
     b = x * y * a
     return (1 + sign * x * x * a, sign * b, -sign * x), (b, sign + y * y * a, -y)
+
+
+def hemisphere(u: Any, v: Any) -> tuple[Vector, Array]:
+    """Return unit vectors around z with density cos / pi, and their cosines [Malley]."""
+    x, y = disc(u, v)
+    # The cosine divides radiance: next to the rim it is kept away from 0, and the root from its pole.
+    z = jnp.sqrt(jnp.maximum(1 - x * x - y * y, jnp.finfo(u.dtype).eps))
+    return (x, y, z), z
+
+
+def around(local: Vector, normal: Vector) -> Vector:
+    """Rotate vectors from around z to around a unit vector."""
+    one, other = tangents(normal)
+    return plus(plus(times(local[0], one), times(local[1], other)), times(local[2], normal))
+
+
+def duals(u: Vector, v: Vector) -> tuple[Vector, Vector]:
+    """Return the dual vectors of two edges: product 1 with one edge, 0 with the other and the normal."""
+    normal = cross(u, v)
+    squared = dot(normal, normal)
+    squared = 1 / jnp.where(squared > 0, squared, 1)
+    return times(squared, cross(v, normal)), times(squared, cross(normal, u))
+
+
+def shares(start: Vector, u: Vector, v: Vector) -> tuple[Array, Array]:
+    """Return which parts of two edges make up a vector, beside its part along the normal."""
+    one, other = duals(u, v)
+    return dot(start, one), dot(start, other)
 
 
 def turn(a: Any, b: Any) -> Any:

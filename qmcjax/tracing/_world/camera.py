@@ -29,7 +29,6 @@ from qmcjax.tracing._shapes.vectors import (
     times,
     unit,
 )
-from qmcjax.tracing._world import maps
 
 
 class Sight(NamedTuple):
@@ -113,7 +112,7 @@ class Camera:
         if lens:
             u, v = (floats("lens", part) for part in lens)
             aperture = jnp.asarray(self.aperture).astype(x.dtype)
-            a, b = disc(u, v) if self.blades is None else maps.polygon(u, v, self.blades)
+            a, b = disc(u, v) if self.blades is None else _polygon(u, v, self.blades)
             moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
             origin = plus(origin, moved)
             # All rays through a point in the plane of focus meet there.
@@ -219,6 +218,24 @@ def camera(
     return Camera(
         place, aim, top, angle, ratio, _shutter(shutter), radius, distance, as_motion(motion), blades
     )
+
+
+def _polygon(u: Any, v: Any, sides: int) -> tuple[Array, Array]:
+    """Return points of the regular polygon inscribed in the unit circle, with a corner at (0, 1).
+
+    u goes around and v outward: the triangles of the sides get equal parts of u, and the layers of a triangle
+    an area in proportion to v.
+    """
+    place = u * sides
+    side = jnp.floor(place)
+    along, radius = place - side, jnp.sqrt(v)
+
+    def corner(number: Any) -> tuple[Any, Any]:
+        angle = 2 * np.pi / sides * number
+        return jnp.sin(angle), jnp.cos(angle)
+
+    (x0, y0), (x1, y1) = corner(side), corner(side + 1)
+    return radius * (x0 + along * (x1 - x0)), radius * (y0 + along * (y1 - y0))
 
 
 def _shutter(value: Any) -> Any:

@@ -12,12 +12,10 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, numbers, require
-from qmcjax.tracing._shapes.flat import Box, Disc, Plane, Rectangle
 from qmcjax.tracing._shapes.object import Object, as_motion
-from qmcjax.tracing._shapes.round import Cylinder, Sphere
+from qmcjax.tracing._shapes.primitives import Box, Cylinder, Disc, Plane, Rectangle, Sphere
 from qmcjax.tracing._shapes.shape_batches import Shape
-from qmcjax.tracing._shapes.triangle_tree import WORTHWHILE, build
-from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._shapes.triangles import WORTHWHILE, Triangles, build_tree
 from qmcjax.tracing._world.materials import as_material
 
 _THIN = 1e-6
@@ -189,7 +187,7 @@ def triangles(
     opened = _triangles("vertices", vertices, None)
     closed = None if close is None else _triangles("close", close, opened.shape[0])
     known = not isinstance(opened, Tracer) and not isinstance(closed, Tracer)
-    tree = build(opened, closed) if known and opened.shape[0] >= WORTHWHILE else None
+    tree = build_tree(opened, closed) if known and opened.shape[0] >= WORTHWHILE else None
     return _object(Triangles(opened, closed, tree), motion, material)
 
 

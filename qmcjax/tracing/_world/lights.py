@@ -1,25 +1,30 @@
 """Lights: emission, sampling of points on them, and densities."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.maps import cone
+from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._shapes.flat import Rectangle
 from qmcjax.tracing._shapes.object import Object
-from qmcjax.tracing._shapes.round import Sphere
+from qmcjax.tracing._shapes.primitives import Rectangle, Sphere
 from qmcjax.tracing._shapes.shape_batches import row
 from qmcjax.tracing._shapes.vectors import (
     Vector,
     along,
+    around,
     cross,
     dot,
     each,
+    hemisphere,
     length,
     minus,
     plus,
@@ -27,7 +32,8 @@ from qmcjax.tracing._shapes.vectors import (
     times,
     unit,
 )
-from qmcjax.tracing._world import maps
+from qmcjax.tracing._world import factories
+from qmcjax.tracing._world.materials import validate_color
 
 
 class Sample(NamedTuple):
@@ -165,8 +171,8 @@ class RectangleLight(Source):
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         edge_u, edge_v = row(self.edge_u, number), row(self.edge_v, number)
         point = plus(row(self.corner, number), plus(times(u, edge_u), times(v, edge_v)))
-        local, _ = maps.hemisphere(way_u, way_v)
-        direction = maps.around(local, unit(self._across(number)[0]))
+        local, _ = hemisphere(way_u, way_v)
+        direction = around(local, unit(self._across(number)[0]))
         return Start(point, unit(direction), row(self.radiance, number))
 
     def extent(self) -> Array:
@@ -197,7 +203,7 @@ class SphereLight(Source):
         between, squared, lost, outside = self._cone(number, point)
         axis = unit(between)
         local = cone(u, v, lost)
-        direction = unit(maps.around(local, axis))
+        direction = unit(around(local, axis))
         # Squared distance of the ray from the centre; then the first of its two crossings.
         aside = squared * (local[0] * local[0] + local[1] * local[1])
         chord = self.radius[number] * self.radius[number] - aside
@@ -214,9 +220,9 @@ class SphereLight(Source):
 
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
         normal = unit(cone(u, v, 2))
-        local, _ = maps.hemisphere(way_u, way_v)
+        local, _ = hemisphere(way_u, way_v)
         point = along(row(self.center, number), self.radius[number], normal)
-        return Start(point, unit(maps.around(local, normal)), row(self.radiance, number))
+        return Start(point, unit(around(local, normal)), row(self.radiance, number))
 
     def extent(self) -> Array:
         return 4 * np.pi**2 * self.radius * self.radius
@@ -229,8 +235,8 @@ class Environment(Light):
     radiance: Any
 
     def sample(self, number: Array, point: Vector, normal: Vector, u: Any, v: Any) -> Sample:
-        local, cosine = maps.hemisphere(u, v)
-        direction = unit(maps.around(local, normal))
+        local, cosine = hemisphere(u, v)
+        direction = unit(around(local, normal))
         one = jnp.ones_like(cosine)
         arriving = times(np.pi / cosine, row(self.radiance, number))
         return Sample(direction, one * np.inf, arriving, cosine / np.pi, one)
@@ -244,3 +250,76 @@ def as_light(name: str, value: Any) -> Light:
     if not isinstance(value, Light):
         raise TypeError(f"{name} must be lights (point_light, ...), got {checks.shown(value)}")
     return value
+
+
+def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
+    """Make a point light.
+
+    Parameters
+    ----------
+    position : float ArrayLike, shape (3,)
+    intensity : float ArrayLike, shape () or (3,)
+        Radiant intensity, not negative: a surface at distance d facing the light gets irradiance intensity /
+        d^2.
+    """
+    return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
+
+
+def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
+    """Make a spherical light that emits outward and reflects nothing.
+
+    Points on it are sampled uniformly in its cone of directions. It is black from inside; a sphere with an
+    :func:`emitter` as its material emits to both sides.
+
+    Parameters
+    ----------
+    center : float ArrayLike, shape (3,)
+    radius : float
+        Positive.
+    radiance : float ArrayLike, shape () or (3,)
+        Not negative; the same in all directions.
+    """
+    center, radius = numbers("center", center, (3,)), numbers("radius", radius)
+    factories.sphere(center, radius)
+    return SphereLight(center, radius, _radiance("radiance", radiance))
+
+
+def rectangle_light(
+    corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
+) -> RectangleLight:
+    """Make a rectangular light, or parallelogram, that emits from one side and reflects nothing.
+
+    Points on it are sampled uniformly by area.
+
+    Parameters
+    ----------
+    corner, edge_u, edge_v : float ArrayLike, shape (3,)
+        A corner, and the edges from it. It emits to the side of ``edge_u`` x ``edge_v``.
+    radiance : float ArrayLike, shape () or (3,)
+        Not negative; the same in all directions of that side.
+    """
+    corner, edge_u, edge_v = (
+        numbers(name, value, (3,))
+        for name, value in (("corner", corner), ("edge_u", edge_u), ("edge_v", edge_v))
+    )
+    factories.rectangle(corner, edge_u, edge_v)
+    return RectangleLight(corner, edge_u, edge_v, _radiance("radiance", radiance))
+
+
+def environment(radiance: ArrayLike) -> Environment:
+    """Make a constant environment light at infinity.
+
+    Directions are sampled in proportion to the cosine at the surface.
+
+    Parameters
+    ----------
+    radiance : float ArrayLike, shape () or (3,)
+        Not negative.
+    """
+    return Environment(_radiance("radiance", radiance))
+
+
+def _radiance(name: str, value: Any) -> Any:
+    if callable(value):
+        raise TypeError(f"{name} must be a colour, got {checks.shown(value)}")
+    return validate_color(name, value)

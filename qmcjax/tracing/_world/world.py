@@ -33,11 +33,7 @@ class World:
 
     def batches(self) -> list[tuple[Shape, int]]:
         """Return the shapes of all objects with the numbers of their first primitives."""
-        return [
-            (shape, start + before)
-            for item, start in self.numbered()
-            for shape, before in zip(item.shapes, item.starts, strict=True)
-        ]
+        return [batch for item, start in self.numbered() for batch in item.numbered(start)]
 
     def numbered(self) -> Iterator[tuple[Object, int]]:
         """Return objects with the number of their first primitive."""
@@ -47,7 +43,7 @@ class World:
             number += item.count
 
 
-def merged(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
+def merge_kinds(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
     """Merge shapes of each kind into one, and return which of the given ones it consists of.
 
     A program for one batch of many primitives is shorter and faster than one for many small batches.

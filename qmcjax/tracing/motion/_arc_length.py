@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing.motion._rows import fetched
+from qmcjax.tracing.motion._paths import bounding_box, rows_at
 
 _NODES, _SHARES = np.polynomial.legendre.leggauss(16)
 """Gauss-Legendre quadrature on [-1, 1]."""
@@ -62,13 +62,12 @@ class ArcLength:
         place = jnp.clip(part, 0, 1) * count
         index = jnp.minimum(place.astype(jnp.int32), count - 1)
         share = place - index.astype(part.dtype)
-        ends = zip(fetched(points[:-1], index), fetched(points[1:], index), strict=True)
+        ends = zip(rows_at(points[:-1], index), rows_at(points[1:], index), strict=True)
         return jnp.stack([a + share * (b - a) for a, b in ends], axis=-1)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points: low and high, (d,)."""
-        points = jnp.asarray(self.points)
-        return points.min(axis=0), points.max(axis=0)
+        return bounding_box(self.points)
 
 
 class _Pieces(NamedTuple):

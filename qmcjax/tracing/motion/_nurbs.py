@@ -12,7 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, known, numbers, require
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing.motion._arc_length import ArcLength, by_arc_length
-from qmcjax.tracing.motion._rows import fetched, span
+from qmcjax.tracing.motion._paths import bounding_box, rows_at, span
 
 MAX_DEGREE = 16
 
@@ -38,16 +38,15 @@ class Nurbs:
         numerator, denominator = [jnp.zeros_like(u)] * control.shape[1], jnp.zeros_like(u)
         for j, of_point in enumerate(basis):
             near = slice(j, j + spans)
-            (weight,) = fetched(weights[near, None], here)
+            (weight,) = rows_at(weights[near, None], here)
             factor = of_point * weight
-            numerator = [a + factor * b for a, b in zip(numerator, fetched(control[near], here), strict=True)]
+            numerator = [a + factor * b for a, b in zip(numerator, rows_at(control[near], here), strict=True)]
             denominator = denominator + factor
         return jnp.stack([a / denominator for a in numerator], axis=-1)
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points, low and high, (d,): that of the control points."""
-        control = jnp.asarray(self.control)
-        return control.min(axis=0), control.max(axis=0)
+        return bounding_box(self.control)
 
     @property
     def corners(self) -> np.ndarray:
@@ -95,7 +94,7 @@ def _basis(u: Array, knots: Array, degree: int) -> tuple[Array, list[Array]]:
     here = span(knots[degree : degree + spans + 1], u)
 
     def knot(offset: int) -> Array:
-        return fetched(knots[degree + offset : degree + offset + spans, None], here)[0]
+        return rows_at(knots[degree + offset : degree + offset + spans, None], here)[0]
 
     basis = [jnp.ones_like(u)]
     left = [u - knot(1 - j) for j in range(1, degree + 1)]

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qmcjax.tracing._search.numba_decorators import inlined
 from qmcjax.tracing._shapes import vectors
+from qmcjax.tracing.search.lanes import inlined
 
 PLANE, RECTANGLE, DISC, BOX, SPHERE, CYLINDER, TRIANGLE, MOVING = range(8)
 """Kinds of primitives; triangles move if their vertices do."""
@@ -43,11 +43,13 @@ plus, minus, times, dot, cross = map(
 
 @inlined
 def largest(a):
+    """Return the largest absolute component."""
     return max(abs(a[0]), abs(a[1]), abs(a[2]))
 
 
 @inlined
 def length(a):
+    """Return the length of a vector."""
     return np.sqrt(dot(a, a))
 
 
@@ -65,6 +67,7 @@ def power(size, one):
 
 @inlined
 def vector(rows, k, j):
+    """Return the vector at column j of row k."""
     return rows[k, j], rows[k, j + 1], rows[k, j + 2]
 
 

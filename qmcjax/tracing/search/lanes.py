@@ -1,4 +1,4 @@
-"""Vectors of eight numbers (lanes) in loops compiled by Numba, as SIMD instructions.
+"""Numba: compilation with IEEE rules, and vectors of eight numbers (lanes) as SIMD instructions.
 
 Operators, :func:`larger` and :func:`smaller` take lanes, scalars, or both: a test is written once for both.
 """
@@ -7,6 +7,7 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
+import numba  # pyright: ignore[reportMissingImports]
 from llvmlite import ir  # pyright: ignore[reportMissingImports]
 from numba import types  # pyright: ignore[reportMissingImports]
 from numba.core import cgutils  # pyright: ignore[reportMissingImports]
@@ -16,6 +17,30 @@ from numba.extending import (  # pyright: ignore[reportMissingImports]
     overload,
     register_model,
 )
+
+
+def compiled(**options: Any) -> Callable[[Any], Any]:
+    """Compile at the first call, and cache the result on disk where possible.
+
+    Products and sums are not contracted: watertight triangles depend on it.
+    """
+
+    def decorate(function: Any) -> Any:
+        try:
+            return numba.njit(cache=True, error_model="numpy", **options)(function)
+        except RuntimeError:  # No writable folder for it.
+            return numba.njit(error_model="numpy", **options)(function)
+
+    return decorate
+
+
+def inlined(function: Any) -> Any:
+    """Compile a part of an inner loop.
+
+    There, reference counts or arrays passed on the stack would take most of the time.
+    """
+    return compiled(forceinline=True, _nrt=False)(function)
+
 
 WIDTH = 8
 

@@ -3,9 +3,8 @@
 A block of eight triangles is 9 rows: the coordinates of their first corners, then the second, then the third.
 """
 
-from qmcjax.tracing._search.compiled_tests import cross, dot, largest, length, minus, power, times, vector
-from qmcjax.tracing._search.lanes import larger, load, smaller
-from qmcjax.tracing._search.numba_decorators import inlined
+from qmcjax.tracing.search.compiled_tests import cross, dot, largest, length, minus, power, times, vector
+from qmcjax.tracing.search.lanes import inlined, larger, load, smaller
 
 BLOCK = 9
 """Rows of a block."""

@@ -9,10 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qmcjax.tracing._search.compiled_triangles import BLOCK
-from qmcjax.tracing._search.lanes import WIDTH
-from qmcjax.tracing._search.numba_decorators import compiled
-from qmcjax.tracing._shapes.triangle_tree import half_area
+from qmcjax.tracing._shapes.triangles import half_area
+from qmcjax.tracing.search.compiled_triangles import BLOCK
+from qmcjax.tracing.search.lanes import WIDTH, compiled
 
 NODE = 7
 """Rows of a node."""

@@ -4,9 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qmcjax.tracing._search import compiled_tests as tests
-from qmcjax.tracing._search.compiled_nodes import BinaryTree, collapse_to_wide, grow, surface
-from qmcjax.tracing._search.numba_decorators import compiled
+from qmcjax.tracing.search import compiled_tests as tests
+from qmcjax.tracing.search.compiled_nodes import BinaryTree, collapse_to_wide, grow, surface
+from qmcjax.tracing.search.lanes import compiled
 
 _BINS = 8
 

@@ -15,10 +15,9 @@ from jax.typing import ArrayLike
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing._search.intersection import in_dtype, intersect
-from qmcjax.tracing._search.search import search
 from qmcjax.tracing._shapes.vectors import components, scaled, stacked
 from qmcjax.tracing._world.world import World, as_world
+from qmcjax.tracing.search.intersection import in_dtype, intersect, search
 
 
 class Hit(NamedTuple):

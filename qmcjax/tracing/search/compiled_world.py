@@ -6,11 +6,15 @@ JAX 0.10 on one core, and where devices share a program).
 
 A call builds the trees: those of meshes get boxes for the current vertices, and primitives without a tree get
 one, in less time than a hundred rays per primitive take. The next call reuses them if it gets the same
-numbers.
+numbers. Rays are searched in pieces, by threads as they become free. OpenMP threads, Numba's default, get
+equal parts: on a processor with other load all wait for the slowest in a busy loop, eight times as long as
+one thread takes.
 """
 
-from collections.abc import Sequence
-from functools import partial
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import jax
@@ -20,14 +24,38 @@ from jax import Array
 from jax.experimental.buffer_callback import buffer_callback
 from numpy.typing import NDArray
 
-from qmcjax.tracing._search.threads import shared
-from qmcjax.tracing._shapes.flat import Box, Disc, Plane, Rectangle
 from qmcjax.tracing._shapes.object import Frame
-from qmcjax.tracing._shapes.round import Cylinder, Sphere
+from qmcjax.tracing._shapes.primitives import Box, Cylinder, Disc, Plane, Rectangle, Sphere
 from qmcjax.tracing._shapes.shape_batches import SLACK, Shape
 from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._shapes.vectors import Vector
-from qmcjax.tracing._world.world import World, merged
+from qmcjax.tracing._world.world import World, merge_kinds
+
+
+@cache
+def _helpers() -> tuple[int, ThreadPoolExecutor | None]:
+    """Return the number of helper threads, and the pool."""
+    count = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return count - 1, ThreadPoolExecutor(count - 1, "qmcjax") if count > 1 else None
+
+
+def share_work(work: Callable[[Any], None], pieces: Iterable[Any]) -> None:
+    """Do all pieces of work, which release the GIL, in this thread and in others as they become free."""
+    pieces = list(pieces)
+    left = iter(pieces)  # The next of a list is one step for all threads.
+
+    def some() -> None:
+        for piece in left:
+            work(piece)
+
+    count, pool = _helpers()
+    helping = [pool.submit(some) for _ in pieces[1 : count + 1]] if pool is not None else []
+    some()
+    for helper in helping:
+        # One that has not begun would find nothing to do.
+        if not helper.cancel():
+            helper.result()
+
 
 KINDS = (Plane, Rectangle, Disc, Box, Sphere, Cylinder, Triangles)
 """Shapes that the loops support, in the order of their numbers there."""
@@ -75,7 +103,7 @@ def search(
     any_hit: bool,
 ) -> tuple[Array, Array]:
     """Return distances and numbers of the nearest hits before limits; the limits and -1 without a hit."""
-    plan, shapes = _planned(world)
+    plan, shapes = _plan_world(world)
     # Passed separately: one array of all takes XLA twice as long.
     moving = [(frame.duals, frame.translation) for frame in frames if frame is not None]
     result = jax.ShapeDtypeStruct(limit.shape, limit.dtype), jax.ShapeDtypeStruct(limit.shape, jnp.int32)
@@ -83,7 +111,7 @@ def search(
     return call(*jax.lax.stop_gradient((shapes, moving, (*origin, *direction, time, limit))))
 
 
-def _planned(world: World) -> tuple[_Plan, Any]:
+def _plan_world(world: World) -> tuple[_Plan, Any]:
     """Return the plan of a world, and its numbers."""
     frames: list[int] = []
     moving = 0
@@ -94,19 +122,19 @@ def _planned(world: World) -> tuple[_Plan, Any]:
         if frame not in frames:
             frames.append(frame)
         space = frames.index(frame)
-        for shape, before in zip(item.shapes, item.starts, strict=True):
+        for shape, first in item.numbered(number):
             if not isinstance(shape, Triangles) or shape.tree is None:
-                batches.append((shape, space, number + before))
+                batches.append((shape, space, first))
             else:
-                meshes.append((space, number + before))
+                meshes.append((space, first))
                 ends = [] if shape.close is None else [shape.close]
                 tree = [
                     part.astype(jnp.int32) for part in (shape.tree.order, shape.tree.skip, shape.tree.start)
                 ]
                 given.append(([shape.vertices, *ends], tree))
     rows, kinds, names, spaces = [], [], [], []
-    for shape, places in merged([shape for shape, _, _ in batches]):
-        rows.append(_numbers(shape))
+    for shape, places in merge_kinds([shape for shape, _, _ in batches]):
+        rows.append(_shape_numbers(shape))
         for place in places:
             one, space, number = batches[place]
             kinds.append(np.full(one.count, KINDS.index(type(shape)) + shape.moving, np.int32))
@@ -120,7 +148,7 @@ def _planned(world: World) -> tuple[_Plan, Any]:
     return _Plan(frames, kinds, names.astype(np.int32), members, meshes), (primitives, given)
 
 
-def _numbers(shape: Shape) -> Array:
+def _shape_numbers(shape: Shape) -> Array:
     """Return the numbers of primitives, 9, those at the end of the shutter, and their boxes: (n, 24)."""
     parts = [part.reshape(shape.count, -1) for part in jax.tree.leaves(shape)]
     numbers = jnp.concatenate(parts, axis=1)
@@ -131,11 +159,13 @@ def _numbers(shape: Shape) -> Array:
 def _fill(trees: _CachedTrees, any_hit: bool, context: Any, out: Any, *given: Any) -> None:
     shapes, frames, rays = jax.tree.map(np.asarray, given)
     frames = jax.tree.leaves(frames)
-    for to, result in zip(out, _mapped(trees, shapes, frames, rays, any_hit), strict=True):
+    for to, result in zip(out, _search_worlds(trees, shapes, frames, rays, any_hit), strict=True):
         np.asarray(to)[...] = result
 
 
-def _mapped(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+def _search_worlds(
+    trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool
+) -> tuple[Any, Any]:
     """Search in one world, or in several under vmap."""
     primitives, meshes = shapes
     leading = [a.shape[:-2] for a in primitives]
@@ -158,10 +188,10 @@ def _mapped(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: b
             [np.broadcast_to(a, (*mapped, a.shape[-1])).reshape(-1) for a in given]
             for given in (frames, rays)
         )
-        results = [_searched(trees, world((0,) * len(mapped)), frames, rays, any_hit)]
+        results = [_search_world(trees, world((0,) * len(mapped)), frames, rays, any_hit)]
     else:
         results = [
-            _searched(
+            _search_world(
                 trees,
                 world(index),
                 [at(a, 1, index) for a in frames],
@@ -174,8 +204,8 @@ def _mapped(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: b
     return distance, row
 
 
-def _searched(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
-    from qmcjax.tracing._search import compiled_loops as loops  # Only where numba is installed.
+def _search_world(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit: bool) -> tuple[Any, Any]:
+    from qmcjax.tracing.search import compiled_loops as loops  # Only where numba is installed.
 
     number, count = rays[-1].dtype, len(rays[-1])
     unit = number.type(SLACK * np.finfo(number).eps)
@@ -194,15 +224,15 @@ def _searched(trees: _CachedTrees, shapes: Any, frames: Any, rays: Any, any_hit:
         )
         loops.search(world, frame, given, unit, any_hit, scratch, distances[these], numbers[these])
 
-    shared(run, range(0, count, _RUN))
+    share_work(run, range(0, count, _RUN))
     return distances, numbers
 
 
 def _build(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
     """Return the ``World`` of compiled loops."""
-    from qmcjax.tracing._search import compiled_nodes as wide
-    from qmcjax.tracing._search.compiled_tests import MOVING, TRIANGLE, WIDTH
-    from qmcjax.tracing._search.compiled_tree import Primitives, build_primitive_tree
+    from qmcjax.tracing.search import compiled_nodes as wide
+    from qmcjax.tracing.search.compiled_tests import MOVING, TRIANGLE, WIDTH
+    from qmcjax.tracing.search.compiled_tree import Primitives, build_primitive_tree
 
     given, meshes = shapes
     moves = [len(ends) == 2 for ends, _ in meshes]

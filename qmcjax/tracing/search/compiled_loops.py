@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from qmcjax.tracing._search import compiled_tests as tests
-from qmcjax.tracing._search import compiled_triangles as triangles
-from qmcjax.tracing._search.compiled_nodes import DEPTH
-from qmcjax.tracing._search.lanes import WIDTH, bits, larger, load, lowest, smaller, store
-from qmcjax.tracing._search.numba_decorators import compiled, inlined
+from qmcjax.tracing.search import compiled_tests as tests
+from qmcjax.tracing.search import compiled_triangles as triangles
+from qmcjax.tracing.search.compiled_nodes import DEPTH
+from qmcjax.tracing.search.lanes import WIDTH, bits, compiled, inlined, larger, load, lowest, smaller, store
 
 STACK = DEPTH * WIDTH
 """Size of the stack: all but one of the children of each node on a path."""

@@ -1,4 +1,8 @@
-"""Curves as linear segments that end where the direction jumps."""
+"""Paths as tables: rows for each time, and curves as linear segments that end where the direction jumps.
+
+Arrays with a short last axis do not fill the vector units of a processor, so motions compute with components
+and stack them at the end.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +19,51 @@ from numpy.typing import ArrayLike, NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, floats, known, numbers, require
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing.motion._rows import interpolated
+
+_FEW = 16
+"""Up to so many rows, selecting from all is faster than a gather."""
+
+
+def span(times: Array, time: Array) -> Array:
+    """Return the interval between increasing numbers that contains others; outside, the first or the last."""
+    inner = times[1:-1]
+    if len(inner) >= _FEW:
+        return jnp.searchsorted(inner, time, side="right").astype(jnp.int32)
+    number = jnp.zeros(time.shape, jnp.int32)
+    for j in range(len(inner)):
+        number = number + (time >= inner[j]).astype(jnp.int32)
+    return number
+
+
+def interpolate(times: Array, rows: Array, time: Array) -> list[Array]:
+    """Return the components of rows (k, d) interpolated linearly between times (k,), and clamped."""
+    index = span(times, time)
+    (begin,), (end,) = rows_at(times[:-1, None], index), rows_at(times[1:, None], index)
+    part = jnp.clip((time - begin) / (end - begin), 0, 1)
+    ends = zip(rows_at(rows[:-1], index), rows_at(rows[1:], index), strict=True)
+    return [(1 - part) * a + part * b for a, b in ends]
+
+
+def bounding_box(points: ArrayLike) -> tuple[Array, Array]:
+    """Return the box of points (n, d): low and high, (d,)."""
+    points = jnp.asarray(points)
+    return points.min(axis=0), points.max(axis=0)
+
+
+def rows_at(table: Array, number: Array) -> list[Array]:
+    """Return the components of a row, (rows, d), for each number, (...)."""
+    rows, components = table.shape
+    if rows > _FEW:
+        row = table[number]
+        return [row[..., j] for j in range(components)]
+    result = []
+    for j in range(components):
+        value = jnp.broadcast_to(table[0, j], number.shape)
+        for k in range(1, rows):
+            value = jnp.where(number >= k, table[k, j], value)
+        result.append(value)
+    return result
+
 
 Curve = Callable[[Array], Array]
 
@@ -33,7 +81,7 @@ class LinearSegments:
         """Return points (..., d) at times (...), clamped to the first and last, in the dtype of these."""
         time = floats("time", time)
         times, points = cast((self.times, self.points), time.dtype)
-        return jnp.stack(interpolated(times, points, time), axis=-1)
+        return jnp.stack(interpolate(times, points, time), axis=-1)
 
     @property
     def knots(self) -> Any:
@@ -42,8 +90,7 @@ class LinearSegments:
 
     def bounds(self) -> tuple[Array, Array]:
         """Return a box of all points: low and high, (d,)."""
-        points = jnp.asarray(self.points)
-        return points.min(axis=0), points.max(axis=0)
+        return bounding_box(self.points)
 
 
 def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:

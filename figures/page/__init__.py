@@ -1,7 +1,5 @@
 """The pages beside the figures, from ``index.html`` on: samplers, verdicts, pictures, images side by side."""
 
-from figures.page._choice import error_tables as error_tables
-from figures.page._choice import safest_sampler as safest_sampler
 from figures.page._html import Markup as Markup
 from figures.page._html import fill as fill
 from figures.page._html import join as join

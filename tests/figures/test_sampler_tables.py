@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.page import _choice
+from figures.docs import sampler_errors
 from qmcjax.choosing import CANDIDATES, LEVELS, SETTINGS, worst_cases
 
 sampler_tables = pytest.importorskip("figures.docs.sampler_tables", reason="Sphinx", exc_type=ImportError)
@@ -28,7 +28,7 @@ def test_all_settings_are_on_the_page_and_no_name_is_typed_there():
 def test_tables_show_what_is_recommended(setting, filtered):
     """The best of each column, ratios with their intervals, and in bold what is significantly worse."""
     rows = re.findall(
-        r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', _choice.error_tables(setting, filtered), re.S
+        r'<tr><th scope="row">(.*?)</th>(.*?)</tr>', sampler_errors.error_tables(setting, filtered), re.S
     )
     shown = iter([(name.replace("&#x27;", "'"), re.findall(CELL, cells)) for name, cells in rows])
     arguments = {"images": {}, "frames": {"frames": 32}, "prefixes": {"progressive": True}}[setting]
@@ -55,7 +55,7 @@ CELL = r'<td class="(\w*)" style="[^"]*"><span>([\d.]+)</span> <small>(.*?)</sma
 
 def test_the_safest_has_the_least_worst_case():
     name, (ratio, where) = next(iter(worst_cases(True).items()))
-    said = _choice.safest_sampler("images", True)
+    said = sampler_errors.safest_sampler("images", True)
     assert f"{ratio:.2f}" in said and where in said and name.partition("'")[0] in said
 
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from figures.page._html import Markup, fill, join
+from figures.page import Markup, fill, join
 from qmcjax.choosing import (
     KINDS,
     LEVELS,

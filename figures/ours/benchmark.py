@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from figures._errors import rms
 from figures.making import own_process
 from figures.plot import Style, style
 from figures.shared.mitsuba_runs import mitsuba_scenes
@@ -140,8 +141,8 @@ def _traced(size: Size, progress: Callable[[float], None]) -> tuple[Rows, dict[s
         exact = traced_sweep.reference(scene, size.side, size.reference)
         found = traced_sweep.rows(scene, shared, size.side, size.counts, size.turns, exact)
         rows += [{"scene": name, **row} for row in found]
-        floors[name] = exact.error
-        origins.append(f"{name}, {exact.origin}, RMS error {exact.error:.1e}.")
+        floors[name] = rms(exact.error)
+        origins.append(f"{name}, {exact.origin}, RMS error {floors[name]:.1e}.")
         progress(done / len(compared))
     return rows, floors, " ".join(origins)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.shared import judged
-from figures.shared.integrands import integrand_classes, integrands_of_dims
+from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
 from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
@@ -104,7 +104,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     ours, rows = (
         CANDIDATES[name].make(2, size.side, size.side, 4, 1) for name in (OURS, "raster, Owen-Sobol'")
     )
-    slower = integrand_classes.time_ratio(ours, rows, size.side, 4)
+    slower = integrands_of_dims.time_ratio(ours, rows, size.side, 4)
     progress(0.85)
     pictures = {name: _picture(name, size.side) for name in size.scenes}
     low, high = (of(ratio for _, _, ratio, _, _ in verdicts.values()) for of in (min, max))
@@ -144,7 +144,7 @@ Found = dict[tuple[int, str, int], NDArray[np.float64]]
 
 def _errors(image: NDArray) -> NDArray[np.float64]:
     """Return filtered and RMS errors of each class, shape (2, classes), relative to white noise."""
-    return integrand_classes.of_classes(image, len(CLASSES)) / [[WHITE], [1]]
+    return integrands_of_dims.of_classes(image, len(CLASSES)) / [[WHITE], [1]]
 
 
 def _means(measured: dict, kind: int) -> Found:
@@ -207,7 +207,7 @@ def _draw(
     axes.set(xticks=[], yticks=[])
     axes.set_title("one tile: the sample of each pixel,\nx as red, y as blue", fontsize=8)
     axes = add_axes(figure, 400, height + 150, width, height - 20)
-    spectra = {name: integrand_classes.mean_spectrum(of) for name, of in shown.items()}
+    spectra = {name: integrands_of_dims.mean_spectrum(of) for name, of in shown.items()}
     plot.spectrum(spectra, title="Spectra of errors, 1 spp", ax=axes)
     axes.legend().remove()
     cases = [("filtered", filtered), ("of each pixel", plain)]

@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.special import bdtr, bdtrc, ndtr
 
+from figures.plot import Style
 from figures.shared.integrands import (
     coverage,
     distinctions,
@@ -15,7 +16,7 @@ from figures.shared.integrands import (
     interval_kinds,
     rare_events,
 )
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.curves import curve, name_axes, titled
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""
@@ -34,7 +35,6 @@ STOPPED = {"draft": (("student",), 1, 256, 12), "paper": (("student", "median"),
 
 SIGMAS = 5.0
 COLORS = {"float32": "C0", "float64": "C1"}
-STYLES = {"Holm": "-", "bootstrap": ":"}
 KINDS = {"student": "C0", "median": "C1", "quantile": "C2", "betting": "C3", interval_kinds.BERNSTEIN: "0.5"}
 MARKS = {"few": "o", "many": "s"}
 
@@ -72,8 +72,8 @@ NOTE = (
     "{bernstein:.2f} times as wide, {least:.2f} to {most:.2f}. (e) With a tolerance: part of the last "
     "intervals that hold the integral, of {stops} results with up to {points} points in each of 8 "
     "replicates; {reached:.0%} reached the tolerance. (f) Share of trials that call any two of 2 to 12 "
-    "identical samplers different, the most over their number, which should be 5 % at most; dotted, ranks"
-    " by the bootstrap of earlier versions of analysis.compare. (g) Share of the pairs of 6 samplers that"
+    "identical samplers different, the most over their number, which should be 5 % "
+    "at most. (g) Share of the pairs of 6 samplers that"
     " are distinguished, each with that many times the error of the one before; normal errors of 5 %."
 )
 
@@ -171,9 +171,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 }
                 for kind, stop in stops.items()
             },
-            "most false distinctions": {
-                rule: max(row[rule] for row in rows if row["ratio"] == 1) for rule in STYLES
-            },
+            "most false distinctions": max(row["rate"] for row in rows if row["ratio"] == 1),
         },
         "table": rows,
         "note": note,
@@ -317,34 +315,21 @@ def _kinds(axes: Axes, means: Means, wanted: float) -> None:
 def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """Draw how often any two of identical samplers are told apart, the most over numbers of samplers."""
     for color, errors in enumerate(distinctions.ERRORS):
-        for rule, style in STYLES.items():
-            most = [
-                max(row[rule] for row in rows if row["errors"] == errors and row["keys"] == keys)
-                for keys in distinctions.KEYS
-            ]
-            label = errors if rule == "Holm" else None
-            axes.plot(distinctions.KEYS, most, f"o{style}", ms=4, color=f"C{color}", label=label)
+        of = [row for row in rows if row["errors"] == errors]
+        most = {keys: max(row["rate"] for row in of if row["keys"] == keys) for keys in distinctions.KEYS}
+        curve(axes, most, Style(f"C{color}", "o"), lw=1.5, label=errors)
     axes.axhline(0.05, color="black", lw=0.8)
-    axes.set(
-        title="(f) 2 to 12 identical samplers",
-        xlabel="number of keys",
-        ylabel="part of trials that distinguish",
-    )
-    axes.set_xscale("log", base=2)
-    axes.set_xticks(distinctions.KEYS, [str(keys) for keys in distinctions.KEYS])
+    title, y = "(f) 2 to 12 identical samplers", "part of trials that distinguish"
+    ticks = distinctions.KEYS
+    name_axes(axes, "number of keys", y, title, log="x", ticks=ticks, legend="best")
     axes.set_ylim(0, 1.05)
-    axes.legend(title="errors; dotted: bootstrap")
 
 
 def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """Draw the part of all pairs that is told apart over the ratio of errors."""
     for color, keys in enumerate(distinctions.KEYS):
-        of = [row for row in rows if row["keys"] == keys]
-        for rule, style in STYLES.items():
-            label = f"{keys} keys" if rule == "Holm" else None
-            ratios, parts = zip(*((row["ratio"], row[rule]) for row in of), strict=True)
-            axes.plot(ratios, parts, f"o{style}", ms=4, color=f"C{color}", label=label)
-    axes.set(xlabel="ratio of the errors of neighbours", ylabel="part of pairs distinguished")
-    axes.set_title("(g) 6 different samplers")
+        rates = {row["ratio"]: row["rate"] for row in rows if row["keys"] == keys}
+        curve(axes, rates, Style(f"C{color}", "o"), lw=1.5, label=f"{keys} keys")
+    x, y = "ratio of the errors of neighbours", "part of pairs distinguished"
+    name_axes(axes, x, y, "(g) 6 different samplers", legend="best")
     axes.set_ylim(-0.02, 1.02)
-    axes.legend(title="dotted: bootstrap")

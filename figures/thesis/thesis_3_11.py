@@ -95,7 +95,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "points": points,
         "samples of the lens": {count: samples[SPP * count] for count in counts if SPP * count in samples},
     }
-    errors = {way: {n: _error(image, exact) for n, image in of.items()} for way, of in images.items()}
+    errors = {
+        way: {n: diffusion.rms_error(image, exact) for n, image in of.items()} for way, of in images.items()
+    }
     again = {
         "lines": {n: others[:: 16 // n].mean(axis=0) for n in counts if n <= 16},
         "points": points,
@@ -109,7 +111,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         way: {n: _banding(images[way][n], image, exact.image) for n, image in of.items()}
         for way, of in again.items()
     }
-    whole = {n: _error(image, exact) for n, image in samples.items()}
+    whole = {n: diffusion.rms_error(image, exact) for n, image in samples.items()}
     ratio = seconds / (SPP * of_sample)
     chosen = min(16, even)
     evenly, redistributed = (errors[way][chosen] for way in ("lines, evenly", "lines"))
@@ -209,12 +211,6 @@ def _of_lines(
         times.append(seconds.clock)
         progress((key + 1) / count)
     return np.stack(images), min(times)
-
-
-def _error(image: NDArray, exact: diffusion.Reference) -> float:
-    """Return the RMS error without that of the reference."""
-    square = np.mean(np.square(image - exact.image)) - np.mean(np.square(exact.error))
-    return float(np.sqrt(max(square, np.mean(np.square(exact.error)))))
 
 
 def _banding(one: NDArray, other: NDArray, exact: NDArray) -> float:

@@ -7,9 +7,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
+from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import judged
-from figures.shared.rendered import published_keys, scene_images, traced_images
+from figures.shared.rendered import diffusion, published_keys, scene_images
 from figures.shared.rendered.z_renderings import SPP, make_samplers
 from figures.shared.sheets.image_sheets import magnified, magnified_sheet
 from qmcjax import scenes
@@ -44,7 +45,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the occluder, and measure errors and their spectra; hand the images out."""
     side, small, keys, scene = SIDE[quality], JUDGED_SIDE[quality], KEYS[quality], scenes.occluder()
-    exact = traced_images.reference("occluder", side, REPLICATE[quality])
+    exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
     panels = [magnified("occluder\nreference", exact.image, CROP)]
     measured: dict[str, dict[str, float]] = {}
@@ -55,7 +56,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         panels.append(magnified(caption, image, CROP))
     progress(0.2)
     over_keys = {}
-    of_small = traced_images.reference("occluder", small, REPLICATE[quality])
+    of_small = diffusion.reference_of("occluder", small, REPLICATE[quality])
     by_key = [make_samplers(scene.needs, small, key=key) for key in range(keys)]
     for name in measured:
         keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
@@ -81,7 +82,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
                 over_keys["Z"]["filtered error"], over_keys["(0,2)-sequence"]["filtered error"]
             ),
             "keys": keys,
-            "reference_error": exact.error,
+            "reference_error": rms(exact.error),
         },
         "claims": _claims(over_keys),
         "note": note,
@@ -89,9 +90,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return magnified_sheet(title, panels, len(panels), 256, below=True), numbers, images
 
 
-def _measures(image: NDArray, exact: traced_images.Reference) -> dict[str, float]:
+def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:
     return {
-        "RMS error": traced_images.rms_error(image, exact),
+        "RMS error": diffusion.rms_error(image, exact),
         "filtered error": analysis.filtered_error(image, exact.image),
         "low-frequency power": analysis.low_frequency_power(image, exact.image),
         "strongest wave": float(analysis.error_spectrum(image, exact.image).max()),

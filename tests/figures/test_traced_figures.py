@@ -11,7 +11,6 @@ from figures.shared.rendered import (
     kept_references,
     motion_blur,
     scene_images,
-    traced_images,
     traced_sweep,
     z_renderings,
 )
@@ -85,9 +84,9 @@ def test_a_reference_is_kept_for_one_scene_and_for_divisors_of_its_side(monkeypa
 
 
 def test_the_references_error_is_taken_off_but_never_undercut():
-    exact = traced_images.Reference(np.zeros((4, 4, 3)), 0.3, "")
-    assert traced_images.rms_error(np.full((4, 4, 3), 0.5), exact) == pytest.approx(0.4)
-    assert traced_images.rms_error(np.zeros((4, 4, 3)), exact) == 0.3
+    exact = diffusion.Reference(np.zeros((4, 4, 3)), np.full((4, 4, 3), 0.3), "")
+    assert diffusion.rms_error(np.full((4, 4, 3), 0.5), exact) == pytest.approx(0.4)
+    assert diffusion.rms_error(np.zeros((4, 4, 3)), exact) == pytest.approx(0.3)
 
 
 def test_jittered_points_have_one_in_each_cell_in_each_pixel():

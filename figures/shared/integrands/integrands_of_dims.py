@@ -1,5 +1,6 @@
 """Classes of random integrands in any dimension, the same in every pixel, and errors relative to theirs."""
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -10,6 +11,8 @@ from jax import Array
 from numpy.typing import NDArray
 
 import analysis
+from figures._errors import rms
+from figures.shared.turns import in_turns, median
 from qmcjax import samplers, sequences
 
 CLASSES = ("half-spaces", "balls", "bumps", "products")
@@ -79,3 +82,31 @@ def errors(sampler: samplers.Sampler, side: int, spp: int, dims: int) -> NDArray
     mean, deviation = moments(dims)
     image = analysis.pixel_means(values, sampler, side, side, spp, tuple(range(dims)))
     return (np.asarray(image, np.float64) - mean) / deviation
+
+
+def of_classes(found: NDArray, count: int) -> NDArray[np.float64]:
+    """Return filtered and RMS errors of each class, over its integrands, shape (2, count)."""
+    parts = np.split(found, count, axis=2)
+    # Channels of an image are averaged by the one, summed by the other.
+    filtered = [analysis.filtered_error(part, np.zeros_like(part)) for part in parts]
+    return np.array([filtered, [rms(part) for part in parts]])
+
+
+def mean_spectrum(found: NDArray) -> NDArray[np.float64]:
+    """Return the mean spectrum of errors over all integrands."""
+    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
+    return np.mean(each, axis=0)
+
+
+def time_ratio(one: samplers.Sampler, other: samplers.Sampler, side: int, spp: int) -> float:
+    """Return the time of an image of x y by one sampler over that by another."""
+
+    def frame(sampler: samplers.Sampler) -> Callable[[int], Array]:
+        return lambda _: analysis.pixel_means(_product, sampler, side, side, spp)
+
+    first, second = in_turns({"one": frame(one), "other": frame(other)}, 5).values()
+    return median(first) / median(second)
+
+
+def _product(point: Array) -> Array:
+    return point[..., 0] * point[..., 1]

@@ -1,6 +1,8 @@
-"""Images by Mitsuba 3 with its samplers and ours: ``python -m`` and the name of this module.
+"""Images by Mitsuba 3 with its samplers and ours, and their times, in a process of its own.
 
-The task comes in JSON at standard input: the name of a scene, a side, runs, and the file for the result.
+Images: ``python -m`` and the name of this module. The task comes in JSON at standard input: the name of a
+scene, a side, runs, and the file for the result. Times: `measured`. The task has a variant, the names of
+samplers, the side of images, samples per pixel, and the number of turns.
 """
 
 import json
@@ -9,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from figures.shared import turns
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
@@ -139,6 +142,44 @@ def loaded(mitsuba: Any, name: str, side: int, run: Run) -> Any:
         plug_in = {"type": "qmcjax", "sampler": bridge.wrap(made), "film": film, "key": run.seed}
     described["sensor"] |= {"film": film, "sampler": plug_in}
     return mitsuba.load_dict(described)
+
+
+SCENE, KEY = "Cornell box", 1
+"""With paths of up to 8 edges."""
+
+MODES = {"symbolic": True, "evaluated": False}
+
+
+def measured(task: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
+    """Return first and median seconds of images, by modes and samplers: all samplers take turns."""
+    bridge.register(task["variant"])
+    import drjit  # pyright: ignore[reportMissingImports]
+    import mitsuba  # pyright: ignore[reportMissingImports]
+
+    modes = {"": True} if task["variant"].startswith("scalar") else MODES
+    found = {}
+    for mode, symbolic in modes.items():
+        # In each mode all is made anew: the first image is the first one.
+        calls = {
+            name: _call(mitsuba, drjit, name, symbolic, task["side"], task["spp"])
+            for name in task["samplers"]
+        }
+        taken = turns.in_turns(calls, task["turns"])
+        found[mode] = {name: [of[0].clock, turns.median(of)] for name, of in taken.items()}
+    return found
+
+
+def _call(mitsuba: Any, drjit: Any, name: str, symbolic: bool, side: int, spp: int) -> Any:
+    scene = loaded(mitsuba, SCENE, side, Run(name, spp, KEY))
+
+    def call(turn: int) -> float:
+        with drjit.scoped_set_flag(drjit.JitFlag.SymbolicLoops, symbolic):
+            image = mitsuba.render(scene, spp=spp)
+        drjit.eval(image)
+        drjit.sync_thread()
+        return 0.0
+
+    return call
 
 
 def main() -> None:

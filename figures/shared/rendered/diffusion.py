@@ -1,7 +1,7 @@
 """Errors of rendered images as the eye sees them: how much of them is left from afar."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import analysis
 from figures import plot
 from figures.making import finished_cells
 from figures.shared.rendered import kept_references, scene_images
-from qmcjax import samplers, sequences
+from qmcjax import samplers, scenes, sequences
 from qmcjax.core.checkpoints import digest
 
 REPLICATES = 16
@@ -80,6 +80,21 @@ def reference(
         images = list(finished_cells.shared(label, replicates).values())
         return of_replicates(images, f"estimated from {spp} samples per pixel")
     return Reference(stored, bound / DEVIATIONS, "stored with the package")
+
+
+@cache
+def reference_of(name: str, side: int, spp: int) -> Reference:
+    """Return the reference of a scene of the package, by replicates of ``spp`` samples if it is estimated."""
+    return reference(getattr(scenes, name)(), side, spp * REPLICATES)
+
+
+def rms_error(found: NDArray, exact: Reference) -> float:
+    """Return the RMS error over pixels and colours, without the reference's: no less than that.
+
+    Errors of both are independent, so their squares add.
+    """
+    noise = np.mean(np.square(exact.error))
+    return float(np.sqrt(max(np.mean(np.square(found - exact.image)) - noise, noise)))
 
 
 def measures(found: NDArray, exact: Reference, area: Area = WHOLE) -> dict[str, float]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from figures.making import own_process
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
-from figures.shared.mitsuba_runs import mitsuba_scenes, mitsuba_speed_process
+from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
 
@@ -50,7 +50,7 @@ def rates_of(size: Size) -> Rates:
             "spp": TIMED_SPP,
             "turns": size.turns,
         }
-        for mode, taken in own_process.measured(mitsuba_speed_process, task).items():
+        for mode, taken in own_process.measured(process, task).items():
             found[f"{variant}, {mode} loops" if mode else variant] = taken
     return found
 

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure
 import analysis
 import qmcjax as qj
 from figures import plot
-from figures._errors import fluctuation, slope
+from figures._errors import fluctuation, rms, slope
 from figures.making.schema import Claims
 from figures.shared import judged
-from figures.shared.rendered import diffusion, pixel_sets, scene_images, traced_images
+from figures.shared.rendered import diffusion, pixel_sets, scene_images
 from figures.shared.sheets.image_sheets import magnified, magnified_sheet
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -97,14 +97,14 @@ def pictures(
     """
     sizes, spp = sides(name, quality), 64
     side = sizes[-1]
-    scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
+    scene, exact = getattr(scenes, name)(), diffusion.reference_of(name, side, REPLICATE[quality])
     progress(0.3)
     panels = [magnified("reference", exact.image, crop)]
     images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
     for size in sizes:
         compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
         found = scene_images.compared(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
-        of_size = diffusion.reference(scene, size, REPLICATE[quality] * diffusion.REPLICATES)
+        of_size = diffusion.reference_of(name, size, REPLICATE[quality])
         pixels = pixel_sets.all_pixels(size)
         sets[f"{size} x {size} pixels"] = {
             sampler: pixel_sets.errors(image[pixels.y, pixels.x], of_size, pixels)
@@ -113,7 +113,7 @@ def pictures(
         if size == side:
             images |= {sampler: image for (_, sampler), image in found.items()}
     for sampler in COMPARED:
-        errors[sampler] = traced_images.rms_error(images[sampler], exact)
+        errors[sampler] = diffusion.rms_error(images[sampler], exact)
         waves[sampler] = _strongest_wave(images[sampler], exact)
         panels.append(magnified(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
     title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
@@ -128,7 +128,7 @@ def pictures(
             },
             "modified / Sobol' net": judged.ratios(sets, NETS[1], NETS[0]),
             "lattice / Sobol' net": judged.ratios(sets, "rank-1 lattice", NETS[0]),
-            "reference_error": exact.error,
+            "reference_error": rms(exact.error),
         },
         "claims": claims(sets),
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
@@ -151,7 +151,7 @@ def over_keys(name: str, names: tuple[str, ...], quality: str) -> tuple[Keys, Ke
     errors: Keys = {}
     waves: Keys = {}
     for side in sides(name, quality):
-        exact = traced_images.reference(name, side, REPLICATE[quality])
+        exact = diffusion.reference_of(name, side, REPLICATE[quality])
         size = f"{side} x {side} pixels"
         errors[size], waves[size] = {each: [] for each in names}, {each: [] for each in names}
         for each in names:
@@ -161,15 +161,15 @@ def over_keys(name: str, names: tuple[str, ...], quality: str) -> tuple[Keys, Ke
                     image = np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
                 else:
                     image = scene_images.image(scene, sampler, side, spp)
-                errors[size][each].append(traced_images.rms_error(image, exact))
+                errors[size][each].append(diffusion.rms_error(image, exact))
                 waves[size][each].append(_strongest_wave(image, exact))
     return errors, waves
 
 
-def _note(exact: traced_images.Reference) -> str:
+def _note(exact: diffusion.Reference) -> str:
     return (
-        f"The reference is {exact.origin}, RMS error {exact.error:.1e}; its variance is taken off from mean "
-        "square errors, which are over linear RGB. Lloyd's points, lattice and nets are rotated in each "
+        f"The reference is {exact.origin}, RMS error {rms(exact.error):.1e}; its variance is taken off from "
+        "mean square errors, which are over linear RGB. Lloyd's points, lattice and nets are rotated in each "
         "pixel unless they are over the full screen. The strongest wave of an error is the maximum of its "
         "power spectrum, whose mean is 1: white noise has 5 to 13. "
         "Time is the lattice's component i / n, the only one that has all values in all lattices; the third "
@@ -177,7 +177,7 @@ def _note(exact: traced_images.Reference) -> str:
     )
 
 
-def _strongest_wave(image: np.ndarray, exact: traced_images.Reference) -> float:
+def _strongest_wave(image: np.ndarray, exact: diffusion.Reference) -> float:
     return float(analysis.error_spectrum(image, exact.image).max())
 
 
@@ -195,7 +195,7 @@ def convergence(
     """
     side, largest = size if quality == "draft" else (128, 9)
     spps = [2**k for k in range(largest + 1)]
-    scene, exact = getattr(scenes, name)(), traced_images.reference(name, side, REPLICATE[quality])
+    scene, exact = getattr(scenes, name)(), diffusion.reference_of(name, side, REPLICATE[quality])
     progress(0.3)
     compared = {
         spp: {name: make_sampler(name, side, spp) for name in COMPARED if spp in counts(name, spps)}
@@ -205,15 +205,15 @@ def convergence(
     errors = {sampler: {} for sampler in COMPARED}
     waves = {sampler: {} for sampler in COMPARED}
     for (spp, sampler), image in images.items():
-        errors[sampler][spp] = traced_images.rms_error(image, exact)
+        errors[sampler][spp] = diffusion.rms_error(image, exact)
         waves[sampler][spp] = _strongest_wave(image, exact)
 
-    least = min(error for of in errors.values() for error in of.values())
+    least, floor = min(error for of in errors.values() for error in of.values()), rms(exact.error)
     figure = Figure(figsize=(9, 6), layout="constrained")
     plot.convergence(
         spps,
         {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},
-        floor=exact.error if exact.error > least / 10 else None,  # Or it would take half of the axis.
+        floor=floor if floor > least / 10 else None,  # Or it would take half of the axis.
         title=f"{title}\n{side} x {side} pixels, our scene, one key",
         ax=figure.subplots(),
     )
@@ -223,7 +223,7 @@ def convergence(
             "strongest wave": _by_name(waves),
             "slope": {sampler: slope(of) for sampler, of in errors.items()},
             "fluctuation": {sampler: fluctuation(of) for sampler, of in errors.items()},
-            "reference_error": exact.error,
+            "reference_error": rms(exact.error),
         },
         "claims": claims(errors, waves),
         "note": f"{side} x {side} pixels; 'claims' lists the thesis's sentences and whether they hold in "

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from figures._errors import rms
 from figures.shared.mitsuba_runs import mitsuba_scenes
-from figures.shared.rendered import diffusion, traced_images
+from figures.shared.rendered import diffusion
 from figures.shared.timing import speed_sweep
 from figures.shared.turns import timed
 from qmcjax import samplers, scenes
@@ -41,10 +41,9 @@ def cases(bounces: int) -> dict[str, tuple[scenes.Traced, bool]]:
     }
 
 
-def reference(scene: scenes.Traced, side: int, spp: int) -> traced_images.Reference:
+def reference(scene: scenes.Traced, side: int, spp: int) -> diffusion.Reference:
     """Return the stored reference, or an estimate from so many samples per pixel."""
-    found = diffusion.reference(scene, side, spp, lambda *task: rendered(*task)[0])
-    return traced_images.Reference(found.image, rms(found.error), found.origin)
+    return diffusion.reference(scene, side, spp, lambda *task: rendered(*task)[0])
 
 
 def rows(
@@ -54,7 +53,7 @@ def rows(
     found: dict[tuple[str, int], list[tuple[float, float, float]]] = {}
 
     def add(sampler: str, spp: int, image: NDArray, seconds: float) -> None:
-        of_image = seconds, traced_images.rms_error(image, exact), float(image.mean() / exact.image.mean())
+        of_image = seconds, diffusion.rms_error(image, exact), float(image.mean() / exact.image.mean())
         found.setdefault((sampler, spp), []).append(of_image)
 
     for turn in range(turns + 1):

@@ -84,7 +84,7 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         type=Path,
         metavar="DIR",
         help="the frames of a published texture over space and time (STBN, FAST), NAME_0.png and so on, "
-        "which space-time measures beside our samplers",
+        "which designed-samplers measures beside our samplers",
     )
     several = parser.add_argument_group(
         "several machines", "each runs the same command, with the same output folder, and makes its share"

@@ -16,7 +16,7 @@ from figures.shared.sheets.moving_picture import GAP, HEAD, averaged, moving_pic
 from qmcjax import scenes
 from qmcjax.bridges import write_image
 
-MODULE = "figures.ours.space_time"
+MODULE = "figures.ours.designed_samplers"
 SHAPE = (4, 8, 8)
 
 
@@ -88,7 +88,7 @@ def test_wrong_folders_are_named(texture, tmp_path, capsys):
     np.save(uneven / "stbn_vec2_2Dx1D_8x8x4_3.npy", np.zeros((4, 8, 3), np.float32))
     refused(uneven, r"shape of frame 0, \(8, 8, 3\), got \(4, 8, 3\)")
     with pytest.raises(SystemExit):
-        main(["space-time", "--out", str(tmp_path / "out"), "--stbn", str(tmp_path / "gap")])
+        main(["designed-samplers", "--out", str(tmp_path / "out"), "--stbn", str(tmp_path / "gap")])
     assert "--stbn" in capsys.readouterr().err
 
 

@@ -1,4 +1,4 @@
-"""Trees by the surface area heuristic and by the other ways of Sect. 4.1.3 and 4.1.4 of the thesis."""
+"""Thesis Sect. 4.1.3 and 4.1.4: trees by the surface area heuristic and by other ways."""
 
 from collections.abc import Callable
 from functools import partial

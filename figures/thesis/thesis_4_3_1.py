@@ -1,4 +1,4 @@
-"""Trees over moving triangles, the ways of Sect. 4.2 and 4.3 of the thesis: expected cost, nodes, memory."""
+"""Thesis Sect. 4.2 and 4.3: trees over moving triangles, their expected cost, nodes and memory."""
 
 from collections.abc import Callable
 from itertools import pairwise

@@ -128,14 +128,49 @@ LONG = frozenset("thesis-6.8 intervals hilbert-5 z-11 z-12".split())
 """Among the longest in paper quality: begun first, they are not what the rest waits for."""
 
 
-def module_of(name: str) -> str:
-    """Return the module that makes a figure: in the package of its paper, or in that of our own."""
-    paper = name.partition("-")[0]
-    return f"figures.{paper if paper in PAPERS else 'ours'}.{re.sub('[-.]', '_', name)}"
+MODULES = {
+    "chapter_2.linear_segments": "2.4 2.5 2.7 2.8",
+    "chapter_2.rotation_bounds": "2.6",
+    "chapter_2.spline_curves": "2.1 2.2 2.3",
+    "chapter_3.lens_lines": "3.11",
+    "chapter_3.lens_samples": "3.8 3.9",
+    "chapter_3.moving_triangle": "3.1",
+    "chapter_3.photons": "3.1.5",
+    "chapter_3.prediction": "3.3 3.6",
+    "chapter_3.prediction_error": "3.3.4",
+    "chapter_3.sliding_window": "3.1.3",
+    "chapter_3.times_of_pixels": "3.1.7 3.5",
+    "chapter_3.visibility_in_time": "3.2.1",
+    "chapter_3.visible_segments": "3.2",
+    "chapter_4.builders": "4.1 4.1.3",
+    "chapter_4.counted_trees": "table-4.1",
+    "chapter_4.moving_trees": "4.3.1",
+    "chapter_4.optimised_trees": "table-4.2 table-4.3",
+    "chapter_4.two_means": "4.2",
+    "chapter_5.direction_numbers": "5.4",
+    "chapter_5.distances": "5.21 5.22",
+    "chapter_5.frames": "5.11 5.12",
+    "chapter_5.matrices": "5.5 5.7 5.9",
+    "chapter_5.nets": "5.2 5.3 5.3.2 5.16 5.20 5.23",
+    "chapter_5.permutation_nets": "5.14 5.15 5.17",
+    "chapter_6.moving_scenes": "6.5 6.6 6.7 6.8",
+    "chapter_6.plane_scenes": "6.1 6.2 6.3 6.4",
+}
+"""Modules of the thesis, and the figures that they make: of several, each by the function of its name."""
+
+
+def _module(name: str) -> str:
+    """Return the module that makes a figure, in the package of its paper or of our own, and its function."""
+    paper, _, number = name.partition("-")
+    function = re.sub("[-.]", "_", name)
+    if paper != "thesis":
+        return f"figures.{paper if paper in PAPERS else 'ours'}.{function}"
+    module, numbers = next(item for item in MODULES.items() if number in item[1].split())
+    return f"figures.thesis.{module}" + (f":{function}" if " " in numbers else "")
 
 
 CATALOGUE = {
-    name: Entry(module_of(name), title, name in OUR_SCENE, name in TIMED, name in LONG)
+    name: Entry(_module(name), title, name in OUR_SCENE, name in TIMED, name in LONG)
     for name, title in TITLES.items()
 }
 

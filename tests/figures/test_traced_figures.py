@@ -6,15 +6,9 @@ import pytest
 
 import qmcjax as qj
 from figures.shared.mitsuba_runs import mitsuba_scenes
-from figures.shared.rendered import (
-    diffusion,
-    kept_references,
-    motion_blur,
-    scene_images,
-    traced_sweep,
-    z_renderings,
-)
+from figures.shared.rendered import diffusion, kept_references, scene_images, traced_sweep, z_renderings
 from figures.shared.timing import error_over_time, ray_rates
+from figures.thesis.chapter_6 import motion_blur
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")

@@ -7,8 +7,8 @@ import pytest
 from tables import first, is_net, slow
 
 from analysis import squared_min_distance
-from figures.thesis import thesis_5_14, thesis_5_17
-from figures.thesis.thesis_5_14 import moved
+from figures.thesis.chapter_5 import permutation_nets
+from figures.thesis.chapter_5.permutation_nets import moved
 from qmcjax import sequences
 
 # The permutation column of Table 5.1, under the root.
@@ -19,7 +19,8 @@ PRINTED = dict(
 
 def iterative(m: int) -> np.ndarray:
     """Return the net as the thesis builds it step by step, in order of the first coordinate."""
-    net = thesis_5_14.wrapped((thesis_5_14 if m % 2 else thesis_5_17).unwrapped(m))
+    unwrapped = permutation_nets.unwrapped_odd if m % 2 else permutation_nets.unwrapped_even
+    net = permutation_nets.wrapped(unwrapped(m))
     return net[np.argsort(net[:, 0])]
 
 
@@ -37,21 +38,21 @@ def test_the_iterative_and_the_direct_construction_agree(m):
 def test_the_rule_for_odd_m_by_hand():
     """P_0, ..., P_3 of the two initial points (0, 0) and (1, 1), before and after wrapping."""
     points = [(0, 0), (2, 2), (5, 1), (7, 3), (4, 4), (6, 6), (9, 5), (11, 7)]
-    assert sorted(map(tuple, thesis_5_14.unwrapped(3).tolist())) == sorted(points)
+    assert sorted(map(tuple, permutation_nets.unwrapped_odd(3).tolist())) == sorted(points)
     assert sorted(map(tuple, iterative(3).tolist())) == sorted((x % 8, y) for x, y in points)
 
 
 @pytest.mark.parametrize("m", [6, 8, 10])
 def test_step_1_for_even_m_as_the_formula_has_it(m):
     """Eq. 5.45 moves P_1 and P_3. The sentence above it, P_0 and P_2: a net, too, but of less distance."""
-    parts = thesis_5_17.START
+    parts = permutation_nets.START
     while sum(map(len, parts)) < 2**m:
         n = sum(map(len, parts))
         doubled = [moved(2 * part, (i + 1) % 2, 0) for i, part in enumerate(parts)]
         extended = [np.concatenate([part, moved(part, n // 2, 2 * n)]) for part in doubled]
         lower, upper = np.concatenate(extended[:2]), np.concatenate(extended[2:])
         parts = (lower, upper, moved(lower, 2 * n, 1), moved(upper, 2 * n, 1))
-    other = thesis_5_14.wrapped(np.concatenate(parts))
+    other = permutation_nets.wrapped(np.concatenate(parts))
     for net, squared in ((iterative(m), PRINTED[m]), (other, 41 * 2 ** (m - 6))):
         assert is_net(net.astype(np.uint32) << np.uint32(32 - m), m)
         assert squared_min_distance(net, side=2**m, shear=2 ** (m - 2)) == squared

@@ -1,0 +1,1 @@
+"""Figures and tables of chapter 2 of the thesis."""

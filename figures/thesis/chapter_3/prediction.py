@@ -1,0 +1,325 @@
+"""Images predicted from others: recursion, blending, moving triangles, corrections (Fig. 3.3 to 3.7)."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from figures._errors import rms
+from figures._rc import BLUE, GREY, VERMILLION
+from figures.shared.rendered import scene_images
+from figures.shared.rendered.diffusion import shown
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from qmcjax import samplers, sequences, tracing
+from qmcjax.tracing import motion
+
+FLOOR, BOX, MIRROR = 0, 1, 2
+"""Numbers of primitives; the walls are 3."""
+
+CAMERA = tracing.camera([0.0, 2.2, 4.6], [0.0, 0.45, 0.0], fov=36.0)
+
+
+def path() -> motion.Affine:
+    """Return the motion of the box: on a straight line, and by 69 degrees."""
+    up = jnp.array([0.0, 1.0, 0.0])
+    keys = jnp.stack([motion.quaternion(up, angle) for angle in (-0.4, 0.8)])
+    turn = motion.rotation_spline(jnp.array([0.0, 1.0]), keys)
+    return motion.affine(turn, motion.linear_segments([0, 1], [[-0.9, 0.35, 0.5], [0.7, 0.35, 0.2]]))
+
+
+def sliding_box(camera: tracing.Camera = CAMERA) -> tracing.DirectLight:
+    """Return the scene, lit by a point light."""
+    floor = tracing.rectangle(
+        [-4, 0, -4], [8, 0, 0], [0, 0, 8], material=tracing.diffuse(tracing.checker(0.7, 0.35, scale=12))
+    )
+    box = tracing.box(
+        [-0.4, 0.0, -0.3],
+        [0.4, 0.5, 0.3],
+        motion=path(),
+        material=tracing.diffuse(tracing.checker([0.8, 0.25, 0.15], [0.9, 0.8, 0.5], scale=3)),
+    )
+    mirror = tracing.sphere([0.75, 0.6, -0.9], 0.6, material=tracing.mirror(0.9))
+    walls = tracing.box([-5, -0.1, -2.5], [5, 6, 8], material=tracing.diffuse(0.6))
+    light = tracing.point_light([-1.5, 4.0, 2.0], 60.0)
+    return tracing.direct_light(tracing.world([floor, box, mirror, walls], [light]), camera, mirrors=1)
+
+
+class Seen(NamedTuple):
+    """What is in the middles of pixels, row by row."""
+
+    number: NDArray[np.int32]
+    """(n,): of primitives."""
+    point: NDArray[np.float32]
+    """(n, 3)."""
+
+
+def seen(side: int, time: float, camera: tracing.Camera = CAMERA) -> Seen:
+    """Return what the middles of side x side pixels see."""
+    middles = ((np.arange(side) + 0.5) / side).astype(np.float32)
+    x, y = (jnp.asarray(a.ravel()) for a in np.meshgrid(middles, middles))
+    number, point = _seen(sliding_box(camera), x, y, jnp.full_like(x, time))
+    return Seen(np.asarray(number), np.asarray(point))
+
+
+@jax.jit
+def _seen(
+    of: tracing.DirectLight, x: jax.Array, y: jax.Array, time: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    sight = of.camera.rays(x, y, time, ())
+    origin, direction = (jnp.stack(a, axis=-1) for a in (sight.origin, sight.direction))
+    hit = tracing.nearest_hit(of.world, origin, direction, time)
+    return hit.shape, hit.point
+
+
+def sampled(
+    side: int,
+    spp: int,
+    quality: str,
+    intervals: int = 1,
+    which: int = 0,
+    camera: tracing.Camera = CAMERA,
+) -> NDArray[np.float64]:
+    """Return the image of one of the intervals of the shutter by Owen-scrambled samples in each pixel."""
+    shutter = np.array([which, which + 1]) / intervals
+    of = sliding_box(replace(camera, shutter=shutter))
+    sampler = samplers.independent(sequences.sobol(len(of.needs)), 1)
+    return scene_images.rendered(of, sampler, side, spp, quality)
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    side: int
+    spp: int
+    """Of what is sampled."""
+    exact: int
+    """Samples a pixel of what stands for the truth."""
+
+
+SIZES_3_3 = {"draft": Size(32, 16, 32), "paper": Size(96, 64, 1024)}
+LEVELS = 3
+CHECKS = 4
+CONTRAST = 0.1
+
+NOTE_3_3 = (
+    "The scene is ours: a box that slides and turns by 69 degrees above a checkerboard, its shadow and its "
+    "reflection in a still sphere, {side} x {side} pixels, 9 intervals of the shutter. The first and the "
+    "last image have {spp} random samples per pixel, the truth of an interval {exact} Owen-scrambled "
+    "ones. The "
+    "blend is the mean of the first and last image; the prediction has no sample of the middle. Errors are "
+    "RMS over all pixels, and over those of the box in the middle of the shutter: what is missing in the "
+    "prediction is mostly the shadow and the reflection. Corrected, {checks} samples of each pixel check it "
+    "at a contrast of {contrast}, and where that fails there are {spp}. Pixels that failed are counted by "
+    "level with as many checks at each."
+)
+
+
+def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the middle of the shutter by blending and prediction, and the recursion."""
+    size = SIZES_3_3[quality]
+    count = 2**LEVELS + 1
+    scene = sliding_box()
+
+    def found(checks: int) -> tracing.PredictorCorrector:
+        return tracing.predictor_corrector(
+            scene, size.side, size.side, (checks,) * LEVELS, size.spp, 1, contrast=CONTRAST
+        )
+
+    raw, corrected = found(0), found(CHECKS)
+    progress(0.3)
+    truth = []
+    for which in range(count):
+        truth.append(sampled(size.side, size.exact, quality, count, which))
+        progress(0.3 + 0.7 * (which + 1) / count)
+    middle = count // 2
+    images = {
+        "linear blend": 0.5 * (raw.images[0] + raw.images[-1]),
+        "prediction": raw.images[middle],
+        "corrected": corrected.images[middle],
+    }
+    errors = {name: rms(image - truth[middle]) for name, image in images.items()}
+    box = (seen(size.side, 0.5).number == BOX).reshape(size.side, size.side)
+    of_box = {name: rms(image[box] - truth[middle][box]) for name, image in images.items()}
+    blended, predicted, _ = of_box.values()
+    apart = {
+        str(2**level): float(np.mean([rms(a - b) for a, b in zip(truth, truth[2**level :], strict=False)]))
+        for level in range(LEVELS, -1, -1)
+    }
+    full = corrected.samples == size.spp
+    failed = {
+        str(level): float(np.mean([full[step.middle] for step in corrected.steps if step.level == level]))
+        for level in range(1, LEVELS + 1)
+    }
+    visited = sorted([0, count - 1, *(step.middle for step in raw.steps)])
+    measured = {
+        "rms error at the middle": errors,
+        "rms error at the middle, box": of_box,
+        "rms difference of images by intervals apart": apart,
+        "part of pixels that failed by level": failed,
+        "samples of each pixel and interval, mean": float(corrected.samples.mean()),
+    }
+    claims: dict[str, Any] = {
+        "the recursion visits each interval once": visited == list(range(count)),
+        "blending is a poor approximation: at least twice the error of the prediction, of what moves": (
+            blended > 2 * predicted
+        ),
+        "images are more similar the nearer they are": all(b < a for a, b in pairwise(apart.values())),
+        "the prediction gets better on lower levels: fewer pixels fail": all(
+            b < a for a, b in pairwise(failed.values())
+        ),
+    }
+    note = NOTE_3_3.format(side=size.side, spp=size.spp, exact=size.exact, checks=CHECKS, contrast=CONTRAST)
+    panels = [
+        Panel("first interval", shown(raw.images[0])),
+        Panel("middle interval, truth", shown(truth[middle])),
+        Panel("last interval", shown(raw.images[-1])),
+    ]
+    for name, image in images.items():
+        caption = f"middle, {name}\nRMS error {errors[name]:.3f}, on the box {of_box[name]:.3f}"
+        panels.append(Panel(caption, shown(image)))
+    title = (
+        "A prediction of the middle of the shutter (thesis, Fig. 3.3 and 3.4)\n"
+        f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
+    )
+    figure = image_grid(title, panels, 3, 288, below=330)
+    width = figure.get_size_inches()[0] * DPI
+    _recursion(add_axes(figure, 90, 30, width - 110, 260), raw.steps, count)
+    return figure, {"measured": measured, "claims": claims, "note": note}
+
+
+def _recursion(axes: Axes, steps: tuple[tracing.Step, ...], count: int) -> None:
+    """Draw which intervals each is predicted from, by level."""
+    levels = {0: 0, count - 1: 0} | {step.middle: step.level for step in steps}
+    for step in steps:
+        for parent, color in ((step.left, BLUE), (step.right, VERMILLION)):
+            arrow = {"arrowstyle": "-|>", "color": color, "lw": 1.0, "shrinkA": 9, "shrinkB": 9}
+            axes.annotate("", (step.middle, -step.level), (parent, -levels[parent]), arrowprops=arrow)
+    for number, level in levels.items():
+        axes.plot([number, number], [-level, -LEVELS - 0.65], color=GREY, lw=0.6, ls=":", zorder=0)
+        circle = {"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "0.3"}
+        axes.text(number, -level, f"$i_{number}$", ha="center", va="center", fontsize=9, bbox=circle)
+    axes.set(xlim=(-0.6, count - 0.4), ylim=(-LEVELS - 0.7, 0.5), yticks=-np.arange(LEVELS + 1))
+    axes.set_yticklabels(["sampled", *(f"level {level}" for level in range(1, LEVELS + 1))])
+    axes.set_xticks([])
+    axes.spines[["left", "bottom"]].set_visible(False)
+    axes.tick_params(length=0)
+    axes.set_title("how the 9 intervals are predicted from one another")
+
+
+SIZES_3_6 = {"draft": Size(48, 16, 32), "paper": Size(96, 64, 1024)}
+SHAKEN = replace(
+    CAMERA,
+    motion=motion.affine(None, motion.linear_segments([0, 0.5, 1], [[0, 0, 0], [0.3, 0.1, 0], [0, 0, 0]])),
+)
+MESH = 24
+"""Pixels a side of the image whose triangles are drawn."""
+
+NOTE_3_6 = (
+    "The scene is that of Fig. 3.3, but the camera is shaken, there and back; three intervals of the "
+    f"shutter, {{side}} x {{side}} pixels. The triangles are those of {MESH} x {MESH} pixels; where they "
+    "stretch, from the box to what is behind, the prediction is a guess. What comes into the image from "
+    "beside is in no triangle: {holes} pixels, which get {spp} samples. Of a camera on a straight line, one "
+    f"of the two predictions covers the border. {CHECKS} samples of each pixel check the prediction at a "
+    f"contrast of {CONTRAST}; the error of predicted pixels, RMS, is {{failed:.3f}} where that fails and "
+    "{kept:.3f} elsewhere. The choice by parity is that of the code, which a test compares."
+)
+
+
+def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw a prediction with what it misses, the triangles it is made of, and the parity of pixels."""
+    size = SIZES_3_6[quality]
+    side = size.side
+
+    def found(scene: Any, checks: int) -> tracing.PredictorCorrector:
+        return tracing.predictor_corrector(scene, side, side, (checks,), size.spp, 1, contrast=CONTRAST)
+
+    scene = sliding_box(SHAKEN)
+    raw, checked = found(scene, 0), found(scene, CHECKS)
+    progress(0.5)
+    truth = sampled(side, size.exact, quality, 3, 1, SHAKEN)
+    holes = raw.samples[1] > 0
+    parts: Any = ndimage.label(holes)
+    labels, count = parts
+    border = np.ones_like(holes)
+    border[1:-1, 1:-1] = False
+    touching = set(np.unique(labels[border & holes]))
+    bad = (checked.samples[1] == size.spp) & ~holes
+    failed, kept = (rms(raw.images[1][which] - truth[which]) for which in (bad, ~bad & ~holes))
+    measured = {
+        "pixels that nothing is drawn in": int(holes.sum()),
+        "part of pixels that failed": float(bad.mean()),
+        "rms error of predictions": {"failed": failed, "kept": kept},
+    }
+    claims = {
+        "what no triangle covers is at borders of the image": bool(holes.any())
+        and touching == set(range(1, count + 1)),
+        "the contrast criterion finds where predictions fail: three times the error of the others": (
+            failed > 3 * kept
+        ),
+    }
+    note = NOTE_3_6.format(side=side, holes=int(holes.sum()), spp=size.spp, failed=failed, kept=kept)
+    marked = np.where(holes[..., None], [1.0, 0.0, 1.0], shown(raw.images[1]))
+    panels = [
+        Panel("first interval", shown(raw.images[0])),
+        Panel("predicted middle; magenta:\nno triangle is drawn there", marked),
+        Panel("white: the prediction failed,\ngrey: there was none", bad + 0.5 * holes),
+    ]
+    title = "Pixels as moving triangles, and what is corrected (thesis, Fig. 3.6 and 3.7)"
+    figure = image_grid(title, panels, 3, 288, below=380)
+    width = figure.get_size_inches()[0] * DPI
+    wide = (width - 60) / 3
+    for place, time in enumerate((1 / 6, 1 / 2)):
+        axes = add_axes(figure, 15 + place * (wide + 15), 35, wide, wide)
+        _mesh(axes, raw.images[0], time)
+        axes.set_title("pixels of the first interval" if place == 0 else "moved to the middle")
+    _parity(add_axes(figure, 55 + 2 * (wide + 15), 70, wide - 60, wide - 60))
+    progress(1.0)
+    return figure, {"measured": measured, "claims": claims, "note": note}
+
+
+def _mesh(axes: Axes, image: NDArray, time: float) -> None:
+    """Draw the triangles between pixels of an image of the time 1/6, moved to another one."""
+    start = np.float32(1 / 6)
+    number, point = seen(MESH, float(start), SHAKEN)
+    (before, at), (after, to) = (tuple(np.asarray(a) for a in path()(jnp.float32(t))) for t in (start, time))
+    moved = (point - at) @ np.linalg.inv(before).T @ after.T + to
+    point = jnp.asarray(np.where((number == BOX)[:, None], moved, point))
+    u, v, depth = (np.asarray(a) for a in _projected(point, jnp.full_like(point[:, 0], time)))
+    block = len(image) // MESH
+    colors = shown(image.reshape(MESH, block, MESH, block, 3).mean(axis=(1, 3))).reshape(-1, 3)
+    pixel = np.arange(MESH * MESH).reshape(MESH, MESH)
+    a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
+    triangles = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+    order = np.argsort(-depth[triangles].mean(axis=1))
+    triangles = triangles[order]
+    corners = np.stack([u[triangles], 1 - v[triangles]], axis=-1)
+    faces = colors[triangles].mean(axis=1)
+    axes.add_collection(PolyCollection(list(corners), facecolors=faces, edgecolors="0.5", linewidths=0.3))
+    axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
+    axes.set_axis_off()
+
+
+@jax.jit
+def _projected(point: jax.Array, time: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+    return SHAKEN.projected((point[:, 0], point[:, 1], point[:, 2]), jnp.ones_like(time), time)
+
+
+def _parity(axes: Axes) -> None:
+    """Draw which of the two predictions gives what is not averaged."""
+    y, x = np.mgrid[:6, :6]
+    second = (x ^ y) & 1
+    axes.imshow(np.where(second, 0.75, 0.95), cmap="gray", vmin=0, vmax=1)
+    for row, column in zip(y.ravel(), x.ravel(), strict=True):
+        axes.text(column, row, str(second[row, column]), ha="center", va="center")
+    axes.set(xticks=range(6), yticks=range(6), xlabel="x")
+    axes.set_ylabel("y", labelpad=1)
+    axes.set_title("0: from the first prediction,\n1: from the second")

@@ -1,0 +1,256 @@
+"""Trees that are optimised or built in other ways (thesis Fig. 4.1, Sect. 4.1.3 and 4.1.4)."""
+
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import trees
+from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
+from figures.shared.sheets.image_sheets import Panel, image_grid
+from figures.shared.turns import in_turns, median, timed
+from figures.thesis.chapter_4 import meshes
+from figures.thesis.chapter_4.meshes import Rays, leaf_depths, traced
+
+SIDE_4_1 = {"draft": 48, "paper": 288}
+
+NOTE_4_1 = (
+    "{side} x {side} rays through pixel centres; a node counts if its box is entered on the way to the "
+    "nearest hit, nearer children first; one triangle a leaf. The tree is that of the surface area heuristic "
+    "by an exact sweep, then one run over the whole tree with subtrees of up to 8 leaves. Both images of a "
+    "mesh have the same scale; in the difference grey is the same number, black is fewer after. The thesis "
+    "shows one pair of images as the improvement. Ours get darker in some places and brighter in others: "
+    "what moves up in the tree is visited by rays that did not visit it before."
+)
+
+
+def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Count visited nodes in each pixel through both trees of each mesh."""
+    side = SIDE_4_1[quality]
+    panels, measured = [], {}
+    for done, name in enumerate(meshes.MESHES, start=1):
+        mesh = meshes.made(name, quality)
+        rays = Rays(*meshes.camera_rays(mesh, side))
+        distance = trees.triangle_distances(mesh.triangles, *rays)
+        tree = trees.surface_area_tree(*meshes.corners(mesh.triangles))
+        better = trees.optimal_subtrees(tree)
+        before, after = (traced(each, rays, distance).visits.reshape(side, side) for each in (tree, better))
+        change = after - before
+        # A few pixels at silhouettes have far more than all others.
+        nodes = float(np.percentile(np.maximum(before, after), 99.5))
+        most = float(np.percentile(abs(change), 99)) or 1.0
+        measured[name] = {
+            "triangles": len(mesh.triangles),
+            "mean before": float(before.mean()),
+            "mean after": float(after.mean()),
+            "reduction in percent": float(100 * (1 - after.mean() / before.mean())),
+            "summed area, reduction in percent": 100
+            * (1 - trees.summed_area(better) / trees.summed_area(tree)),
+            "pixels with fewer": float(np.mean(change < 0)),
+            "pixels with more": float(np.mean(change > 0)),
+        }
+        for when, visits in (("before", before), ("after", after)):
+            caption = f"{name}: {when}\nmean {visits.mean():.2f}, yellow {nodes:.0f} nodes"
+            panels.append(Panel(caption, _false(visits / nodes)))
+        caption = (
+            f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
+            f"blue -{most:.0f}, red +{most:.0f}"
+        )
+        panels.append(Panel(caption, _false(0.5 + 0.5 * change / most, "RdBu_r")))
+        progress(done / len(meshes.MESHES))
+    title = f"Nodes that a ray visits, {side} x {side} pixels\n(thesis Fig. 4.1, on our meshes)"
+    claims = {
+        "fewer nodes are traversed after the optimisation, on average over the picture": {
+            name: of["mean after"] < of["mean before"] for name, of in measured.items()
+        },
+        "more pixels have fewer nodes than have more": {
+            name: of["pixels with fewer"] > of["pixels with more"] for name, of in measured.items()
+        },
+    }
+    numbers = {"measured": measured, "claims": claims, "note": NOTE_4_1.format(side=side)}
+    return image_grid(title, panels, 3, 288), numbers
+
+
+def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:
+    """Return an image in false colours, from 0 to 1."""
+    return colormaps[colors](np.clip(part, 0, 1))[..., :3]
+
+
+SIDE_4_1_3 = {"draft": 24, "paper": 96}
+FAN = 200
+"""Triangles of the fan."""
+QUADRATIC = 2000
+"""Boxes up to which all pairs of them are looked at."""
+CATASTROPHE = 2.0
+"""As many nodes, or more."""
+SLIGHTLY = 1.25
+
+EMBREE = find_spec("embreex") is not None
+
+SAH, CENTRES = "surface area heuristic", "2-means of centres"
+
+NOTE_4_1_3 = (
+    "Summed areas and nodes of {side} x {side} primary rays relative to the tree of the surface area "
+    "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
+    "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
+    "for boxes; 'of centres' clusters these as points. Quadratic splits look at all pairs of boxes, which is "
+    f"too much for more than {QUADRATIC} of them; 'filled' keeps 40 % of the boxes in either group. The fan: "
+    f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
+    "splits is {depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, is for the "
+    "same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
+)
+
+
+def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
+    found: dict[str, Callable[[], trees.Tree]] = {
+        SAH: partial(trees.surface_area_tree, low, high),
+        "optimal subtrees of it": lambda: trees.optimal_subtrees(trees.surface_area_tree(low, high)),
+        "Hilbert order": partial(trees.hilbert_tree, low, high),
+        "Morton order": partial(trees.morton_tree, low, high),
+        "2-means": partial(trees.two_means_tree, low, high, tries=2),
+        CENTRES: partial(_of_centres, low, high),
+    }
+    if len(low) <= QUADRATIC:
+        found["quadratic split"] = partial(trees.quadratic_split_tree, low, high)
+        found["quadratic split, filled"] = partial(trees.quadratic_split_tree, low, high, fill=0.4)
+    return found
+
+
+def _of_centres(low: NDArray, high: NDArray) -> trees.Tree:
+    center = (low + high) / 2
+    return trees.refitted(trees.two_means_tree(center, center, tries=2), low, high)
+
+
+def thesis_4_1_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Build trees of all meshes in all ways, and send rays through them."""
+    side = SIDE_4_1_3[quality]
+    measured: dict[str, dict[str, Any]] = {}
+    marks: dict[str, float] = {}
+    small = meshes.Mesh(meshes.knot(2, 3, 48, 10), (0.0, 1.0, -7.0), (0.0, 0.0, 0.0))
+    compared = {"one knot": lambda: small} | {
+        name: partial(meshes.made, name, quality) for name in meshes.MESHES
+    }
+    for done, (name, mesh) in enumerate(compared.items(), start=1):
+        measured[name] = _of_mesh(mesh(), side)
+        if EMBREE:
+            marks[name] = _embree(mesh())
+        progress(done / len(compared))
+    fan = _fan()
+    others = [way for way in measured["one knot"] if way not in ("triangles", SAH)]
+    claims = {
+        "along the Hilbert curve trees are worse than by three axes": {
+            mesh: _nodes(of, "Hilbert order") > 1 for mesh, of in measured.items()
+        },
+        "in Morton order they are worse than along the Hilbert curve": {
+            mesh: _nodes(of, "Morton order") > _nodes(of, "Hilbert order") for mesh, of in measured.items()
+        },
+        "in Morton order they are catastrophic: twice the nodes": {
+            mesh: _nodes(of, "Morton order") > CATASTROPHE for mesh, of in measured.items()
+        },
+        "2-means perform slightly worse: up to a quarter more summed area": {
+            mesh: 1 < _area(of, "2-means") < SLIGHTLY for mesh, of in measured.items()
+        },
+        "by 2-means trees are always inferior: more summed area": {
+            f"{mesh}, {way}": _area(of, way) > 1
+            for mesh, of in measured.items()
+            for way in ("2-means", CENTRES)
+        },
+        "quadratic splits degrade a fan to something like a list: a depth of half its triangles": (
+            fan["quadratic split"] > FAN / 2
+        ),
+    }
+    numbers = {
+        "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
+        "claims": claims,
+        "note": NOTE_4_1_3.format(
+            side=side,
+            depth=fan["quadratic split"],
+            least=fan[SAH],
+            embree="" if EMBREE else " Embree is not installed here.",
+        ),
+    }
+    return _draw(measured, marks, others), numbers
+
+
+def _nodes(of: dict[str, Any], way: str) -> float:
+    return of[way]["nodes / those of the heuristic"]
+
+
+def _area(of: dict[str, Any], way: str) -> float:
+    return of[way]["area / that of the heuristic"]
+
+
+def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
+    rays = Rays(*meshes.camera_rays(mesh, side))
+    distance = trees.triangle_distances(mesh.triangles, *rays)
+    found: dict[str, Any] = {}
+    first: dict[str, float] = {}
+    for name, make in _ways(*meshes.corners(mesh.triangles)).items():
+        tree, seconds = timed(make)
+        area, visits = trees.summed_area(tree), float(traced(tree, rays, distance).visits.mean())
+        first = first or {"area": area, "visits": visits}
+        found[name] = {
+            "summed area": area,
+            "area / that of the heuristic": area / first["area"],
+            "nodes of a primary ray": visits,
+            "nodes / those of the heuristic": visits / first["visits"],
+            "mean leaf depth": leaf_depths(tree)[1],
+            "seconds to build": seconds.clock,
+        }
+    return found | {"triangles": len(mesh.triangles)}
+
+
+def _fan() -> dict[str, int]:
+    """Return the depths of trees over triangles around one vertex."""
+    angle = np.pi / 2 * 0.9 ** np.arange(FAN + 1)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    low, high = meshes.corners(np.stack([0 * rim[:-1], rim[:-1], rim[1:]], axis=1))
+    ways = _ways(low, high)
+    return {
+        name: leaf_depths(ways[name]())[0] for name in ("quadratic split", "quadratic split, filled", SAH)
+    }
+
+
+def _embree(mesh: meshes.Mesh, side: int = 256, turns: int = 5) -> float:
+    """Return the nanoseconds of a primary ray, the median of some turns after the first."""
+    from embreex.mesh_construction import TriangleMesh  # pyright: ignore[reportMissingImports]
+    from embreex.rtcore_scene import EmbreeScene  # pyright: ignore[reportMissingImports]
+
+    scene = EmbreeScene()
+    TriangleMesh(scene, mesh.triangles.astype(np.float32))
+    origin, way = (np.ascontiguousarray(a, np.float32) for a in meshes.camera_rays(mesh, side))
+    taken = in_turns({"": lambda _: scene.run(origin, way)}, turns)[""]
+    return median(taken) / len(origin) * 1e9
+
+
+def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
+    figure = titled(
+        "Most other builders need more nodes than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)",
+        15.0,
+        2.4 + 0.23 * len(measured),
+        fontsize=11,
+    )
+    rows = []
+    for mesh, of in measured.items():
+        row = [f"{mesh}, {of['triangles']}", f"{of[SAH]['nodes of a primary ray']:.1f}"]
+        for key in ("area / that of the heuristic", "nodes / those of the heuristic"):
+            row += [f"{of[way][key]:.2f}" if way in of else "–" for way in others]
+        row.append(f"{marks[mesh]:.0f}" if mesh in marks else "")
+        rows.append(row)
+    short = ("optimal", "Hilbert", "Morton", "2-means", "centres", "quadr.", "filled")
+    heads = ["mesh, triangles", "nodes", *short, *short, "ns per ray"]
+    count = len(others)
+    groups = [
+        ("SAH", 1, 1),
+        ("summed area / that of the heuristic", 2, 1 + count),
+        ("nodes of primary rays / those of the heuristic", 2 + count, 1 + 2 * count),
+        ("Embree", 2 + 2 * count, 2 + 2 * count),
+    ]
+    text_tables.draw(figure.subplots(), heads, rows, groups, [2.8, 0.8, *[1.0] * 14, 1.0])
+    return figure

@@ -1,0 +1,247 @@
+"""Thesis Sect. 4.2 and 4.3: trees over moving triangles, their expected cost, nodes and memory."""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import trees
+from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
+from figures.plot import Style
+from figures.shared.sheets.curves import curve, legend_below, name_axes, titled
+from figures.thesis.chapter_4 import meshes
+from figures.thesis.chapter_4.meshes import Mesh, Rays, helicopter_parts, knots, terrain, traced
+
+SIDE = {"draft": 24, "paper": 96}
+PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}
+"""Of the shutter, with a tree each."""
+KAPPAS = {"draft": (2.0, 4.0), "paper": (2.0, 4.0, 8.0)}
+"""Split triangles have parts of at most 1 / kappa of the area of their box."""
+MOST = 16
+"""Parts of a triangle in time."""
+
+
+class Moving(NamedTuple):
+    """A triangle mesh in motion."""
+
+    times: NDArray[np.float64]
+    triangles: NDArray[np.float64]
+    """(k, n, 3, 3): at each of the times; vertices are on straight lines between."""
+    view: Mesh
+    """The mesh when the shutter opens, with its camera."""
+
+
+def flying_helicopter(detail: int, segments: int = 36) -> Moving:
+    """Return the helicopter over still ground, its motion in linear segments."""
+    times = np.linspace(0, 1, segments + 1)
+    parts = np.concatenate([part for part, _ in helicopter_parts(detail, times)], axis=1)
+    return Moving(times, parts, Mesh(parts[0], (5.5, 7.2, 8.6), (-0.3, 2.0, 0.0), 50.0))
+
+
+def flying_knots(detail: int) -> Moving:
+    """Return the crowd of knots, each on a line of its own, some of them fast."""
+    mesh = knots(detail)
+    count = len(mesh.triangles) // 25
+    way = np.random.default_rng(4).normal(size=(25, 1, 1, 3)) * np.array([2.5, 0.5, 2.5])
+    end = mesh.triangles.reshape(25, count, 3, 3) + way
+    return Moving(np.array([0.0, 1.0]), np.stack([mesh.triangles, end.reshape(-1, 3, 3)]), mesh)
+
+
+def hail(detail: int, count: int) -> Moving:
+    """Return small triangles that fall far over a still terrain; the first along the diagonal of all."""
+    ground = terrain(detail)
+    rng = np.random.default_rng(5)
+    low, high = (end(ground.triangles, axis=(0, 1)) for end in (np.min, np.max))
+    start = rng.uniform([0, high[1], 0], [10, high[1] + 3, 10], (count, 3))
+    end = start + rng.normal(size=(count, 3)) * 0.4 - np.array([0, 3.0, 0])
+    around = np.concatenate([start, end, [low, high]])
+    start[0], end[0] = around.min(axis=0), around.max(axis=0)
+    shapes = 0.05 * rng.normal(size=(count, 3, 3))
+    stones, fallen = start[:, None] + shapes, end[:, None] + shapes
+    moved = np.concatenate([ground.triangles, fallen])
+    opened = np.concatenate([ground.triangles, stones])
+    return Moving(np.array([0.0, 1.0]), np.stack([opened, moved]), ground._replace(triangles=opened))
+
+
+SCENES: dict[str, dict[str, Callable[[], Moving]]] = {
+    "helicopter": {
+        "draft": lambda: flying_helicopter(4, 12),
+        "paper": lambda: flying_helicopter(10),
+    },
+    "knots": {"draft": lambda: flying_knots(3), "paper": lambda: flying_knots(6)},
+    "hail": {"draft": lambda: hail(2, 200), "paper": lambda: hail(8, 4000)},
+}
+
+WHOLE, HALF, INTERPOLATED = (
+    "whole shutter",
+    "interpolated, tree of half-way",
+    "interpolated, tree of the whole",
+)
+STYLES = {
+    WHOLE: (BLACK, "o"),
+    INTERPOLATED: (BLUE, "s"),
+    HALF: (PURPLE, "D"),
+    "trees of parts": (VERMILLION, "^"),
+    "split, kappa": (GREEN, "v"),
+}
+
+NOTE = (
+    "Linear motion between times, two or, for the helicopter, {knots}: its rotors turn 2.25 times. The "
+    "ground and the terrain are still. Expected nodes are summed areas over the area of the box of all "
+    "at all times: means over lines spread evenly in space and time. Visited nodes: {side} x {side} primary "
+    "rays, each at a time of its own. Boxes count once for each time or part that they are stored for. "
+    "Interpolated boxes are stored for all times; 'half-way' has the tree of the triangles in the middle "
+    "of the shutter. Its parts, 2 to {parts}, have a tree each (Eq. 4.7). Triangles split in time have "
+    "up to {most} parts, of 1 / kappa of the area or less if these do, in one tree over boxes in space and "
+    "time, each area times its duration. In the hail a small triangle flies along the diagonal of all."
+)
+
+
+class Way(NamedTuple):
+    """What a way costs."""
+
+    expected: float
+    visited: float
+    boxes: float
+    """Per triangle."""
+
+
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Build trees in all ways over all scenes, and send rays through them."""
+    found: dict[str, dict[str, Way]] = {}
+    counts: dict[str, dict[str, float]] = {}
+    boxes: dict[str, dict[str, float]] = {}
+    knots = 0
+    for done, name in enumerate(SCENES, start=1):
+        scene = SCENES[name][quality]()
+        knots = max(knots, len(scene.times))
+        found[name], counts[name], boxes[name] = _of_scene(scene, quality)
+        progress(done / len(SCENES))
+    measured = {
+        name: {
+            "ways": {way: of._asdict() for way, of in found[name].items()},
+            "parts of triangles / triangles, by kappa": counts[name],
+            "largest box of a triangle / that of all": boxes[name],
+        }
+        for name in SCENES
+    }
+    cheapest = {name: min(of.values(), key=lambda way: way.visited) for name, of in found.items()}
+    ways = [WHOLE, *map(_parts, PARTS[quality])]
+    claims = {
+        "interpolated boxes pay off: fewer nodes are visited than with boxes for the whole shutter": {
+            name: of[INTERPOLATED].visited < of[WHOLE].visited for name, of in found.items()
+        },
+        "it is better to build the tree for a time instant than over the whole shutter": {
+            name: of[HALF].visited < of[INTERPOLATED].visited for name, of in found.items()
+        },
+        "a tree for each part of the shutter fits better: fewer nodes are visited, the more parts": {
+            name: all(of[after].visited < of[before].visited for before, after in pairwise(ways))
+            for name, of in found.items()
+        },
+        "the box of a small triangle on the diagonal is as large as the scene": boxes["hail"]["whole"] > 0.95,
+        "parts of the shutter ameliorate that": boxes["hail"][f"{PARTS[quality][-1]} parts"] < 0.05,
+        "splitting triangles in time lowers what is expected": {
+            name: of[_split(2.0)].expected < of[WHOLE].expected for name, of in found.items()
+        },
+        "it multiplies the triangles, by more than 2 at kappa 2": {
+            name: of[f"{2.0:g}"] > 2 for name, of in counts.items()
+        },
+    }
+    numbers = {
+        "measured": measured
+        | {"fewest visited nodes": {name: way.visited for name, way in cheapest.items()}},
+        "claims": claims,
+        "note": NOTE.format(knots=knots, side=SIDE[quality], parts=PARTS[quality][-1], most=MOST),
+    }
+    return _draw(found), numbers
+
+
+def _parts(count: int) -> str:
+    return f"trees of parts: {count}"
+
+
+def _split(kappa: float) -> str:
+    return f"split, kappa: {kappa:g}"
+
+
+def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, float], dict[str, float]]:
+    times, vertices = scene.times, scene.triangles
+    low, high = meshes.corners(vertices)
+    whole = trees.boxes_during(low, high, times)
+    everything = float(trees.surface_area(whole[0].min(axis=0), whole[1].max(axis=0)))
+    rays = Rays(*meshes.camera_rays(scene.view, SIDE[quality]))
+    when = np.random.default_rng(6).uniform(size=len(rays.origin))
+    count = low.shape[1]
+
+    def way(tree: trees.Tree, number: Any = None) -> Way:
+        distance = trees.triangle_distances(vertices, *rays, times=times, time=when, number=number)
+        visited = traced(tree, rays, distance, when).visits.mean()
+        stored = (2 * tree.size - 1) * (1 if tree.times is None else len(times))
+        return Way(trees.summed_area(tree) / everything, float(visited), stored / count)
+
+    tree = trees.surface_area_tree(*whole)
+    middle = trees.surface_area_tree(*trees.boxes_during(low, high, times, 0.5, 0.5))
+    found = {
+        WHOLE: way(tree),
+        INTERPOLATED: way(trees.refitted(tree, low, high, times)),
+        HALF: way(trees.refitted(middle, low, high, times)),
+    }
+    largest = {"whole": float(trees.surface_area(*whole).max()) / everything}
+    for parts in PARTS[quality]:
+        cuts = np.linspace(0, 1, parts + 1)
+        own = np.minimum((when * parts).astype(int), parts - 1)
+        visited, expected, most = 0.0, 0.0, 0.0
+        for part in range(parts):
+            boxes = trees.boxes_during(low, high, times, cuts[part], cuts[part + 1])
+            of_part, now = trees.surface_area_tree(*boxes), own == part
+            few = Rays(rays.origin[now], rays.direction[now])
+            distance = trees.triangle_distances(vertices, *few, times=times, time=when[now])
+            visited += float(traced(of_part, few, distance).visits.sum()) / len(when)
+            expected += trees.summed_area(of_part) / everything / parts
+            most = max(most, float(trees.surface_area(*boxes).max()) / everything)
+        found[_parts(parts)] = Way(expected, visited, parts * (2 * count - 1) / count)
+        largest[f"{parts} parts"] = most
+    counts = {}
+    for kappa in KAPPAS[quality]:
+        lows, highs, number = trees.split_in_time(low, high, times, kappa, most=MOST)
+        found[_split(kappa)] = way(trees.surface_area_tree(lows, highs), number)
+        counts[f"{kappa:g}"] = len(number) / count
+    return found, counts, largest
+
+
+def _draw(found: dict[str, dict[str, Way]]) -> Figure:
+    figure = titled(
+        "Trees that follow the motion need fewer nodes than one tree over whole paths (thesis Sect. 4.2 "
+        "and 4.3)\n"
+        "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "
+        "small triangles fly",
+        3.6 * len(found),
+        6.6,
+        fontsize=11,
+    )
+    panels = figure.subplots(2, len(found), squeeze=False)
+    for column, (name, of) in enumerate(found.items()):
+        for row, key in enumerate(("expected", "visited")):
+            axes = panels[row, column]
+            _draw_ways(axes, of, key)
+            x, title = ("boxes stored per triangle", "") if row else ("", name)
+            y = "visited nodes per primary ray" if row else "expected nodes per line"
+            name_axes(axes, x, y, title)
+            axes.set_xscale("log", base=2)
+            axes.set_ylim(0, None)
+    legend_below(figure, panels[0, 0], 3)
+    return figure
+
+
+def _draw_ways(axes: Axes, of: dict[str, Way], key: str) -> None:
+    for kind, (color, marker) in STYLES.items():
+        ways = [(name, way) for name, way in of.items() if name.split(": ")[0] == kind]
+        values = ", ".join(name.split(": ")[1] for name, _ in ways if ": " in name)
+        label = f"{kind}: {values}" if values else kind
+        costs = {way.boxes: getattr(way, key) for _, way in ways}
+        curve(axes, costs, Style(color, marker), ms=5, lw=0.8, label=label)
+    axes.axhline(of[WHOLE]._asdict()[key], color=BLACK, lw=0.6, ls=":")

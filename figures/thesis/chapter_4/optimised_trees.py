@@ -1,0 +1,323 @@
+"""Trees before and after optimisations of their subtrees (Tables 4.2 and 4.3)."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import trees
+from figures.shared.sheets import text_tables
+from figures.shared.sheets.curves import titled
+from figures.shared.turns import timed
+from figures.thesis.chapter_4 import meshes
+from figures.thesis.chapter_4.meshes import Rays, bounced, leaf_depths, traced
+
+SIZE = {"draft": "draft", "paper": "large"}
+"""Of the meshes."""
+
+SIDE_4_2 = {"draft": 32, "paper": 128}
+SETS = {"draft": 10, "paper": 60}
+"""Of random boxes of each kind, for the first way of Sect. 4.1.2."""
+SCALES = {"40 boxes, spread evenly": (40, 1), "300 boxes, on six scales": (50, 6)}
+"""Boxes on a scale, and scales."""
+
+KINDS = ("primary", "diffuse")
+
+PRINTED_4_2 = {
+    "Sponza": (154307, 139191, 9.77, 21, 28, 16.36, 18.48),
+    "Conf. (simpl.)": (842865, 731707, 13.19, 22, 26, 16.27, 18.78),
+    "Conf. (transf.)": (8412.97, 7309.09, 13.12, 27, 34, 19.93, 24.13),
+    "Kitchen": (8281.78, 6843.93, 17.36, 25, 34, 19.26, 23.78),
+    "Interior09": (398678, 344896, 13.49, 33, 41, 21.97, 26.00),
+    "Buddha": (3.94301e8, 3.90666e8, 0.92, 26, 32, 19.54, 19.88),
+}
+ROWS = (
+    "summed area before",
+    "summed area after",
+    "summed area, reduction in percent",
+    "largest depth before",
+    "largest depth after",
+    "mean leaf depth before",
+    "mean leaf depth after",
+)
+
+NOTE_4_2 = (
+    "One triangle a leaf; areas in units of the root's, so that the summed area is the mean number of nodes "
+    "that lines spread evenly over those through the root visit. Nodes that rays visit: {side} x {side} "
+    "primary rays, and diffuse ones from where these hit; seconds of a processor, in NumPy. The area falls "
+    "as the thesis finds it where triangles are of many sizes, as in models of buildings, and little where "
+    "they are of about one, as its Buddha's are. It finds the frame rate for primary rays to grow about in "
+    "proportion to what the area falls by. 'About' is a factor of 2 between both reductions here, and they "
+    "are farther apart on most meshes: primary rays come from one place and end at their hits, so that what "
+    "they visit may fall by more or less, or grow. The first way of Sect. 4.1.2 builds trees over optimal "
+    "subtrees of up to 8 boxes, over and over. That the result is never worse than the tree before holds for "
+    "boxes that are spread evenly, but not for those on several scales: each build is greedy, and no longer "
+    "knows how many boxes are in a subtree ({sets} sets of each kind). The second way, of the table, takes "
+    "the best arrangement in place, so that the sum cannot grow."
+)
+
+
+def thesis_table_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Build and optimise trees of all meshes, and send rays through them."""
+    side = SIDE_4_2[quality]
+    measured: dict[str, dict[str, Any]] = {}
+    for done, name in enumerate(meshes.MESHES, start=1):
+        measured[name] = _of_mesh(meshes.made(name, SIZE[quality]), side)
+        progress(done / (len(meshes.MESHES) + 1))
+    growth = {name: [_growth(key, *of) for key in range(SETS[quality])] for name, of in SCALES.items()}
+    reduced = {
+        name: of["primary rays"]["reduction in percent"] / of[ROWS[2]] for name, of in measured.items()
+    }
+    claims = {
+        "the summed area never grows": all(of[ROWS[2]] >= 0 for of in measured.values()),
+        "the summed area falls by 0.92 to 17.36 percent": {
+            name: 0.92 <= of[ROWS[2]] <= 17.36 for name, of in measured.items()
+        },
+        "the mean leaf depth increases": {name: of[ROWS[6]] > of[ROWS[5]] for name, of in measured.items()},
+        "the largest depth increases": {name: of[ROWS[4]] > of[ROWS[3]] for name, of in measured.items()},
+        "primary rays visit fewer nodes by about as much as the area falls, within a factor of 2": {
+            name: 0.5 <= ratio <= 2 for name, ratio in reduced.items()
+        },
+        "trees built over optimal subtrees have no larger summed area than before": {
+            name: max(of) <= 1e-9 for name, of in growth.items()
+        },
+    }
+    numbers = {
+        "measured": {
+            "meshes": measured,
+            "built over optimal subtrees": {
+                name: {
+                    "part of sets where the summed area is larger": float(np.mean(np.greater(of, 1e-9))),
+                    "largest growth in percent": 100 * max(of),
+                    "mean change in percent": float(100 * np.mean(of)),
+                }
+                for name, of in growth.items()
+            },
+        },
+        "printed": {name: dict(zip(ROWS, of, strict=True)) for name, of in PRINTED_4_2.items()},
+        "claims": claims,
+        "note": NOTE_4_2.format(side=side, sets=SETS[quality]),
+    }
+    return _draw_4_2(measured), numbers
+
+
+def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
+    low, high = meshes.corners(mesh.triangles)
+    tree, seconds = timed(lambda: trees.surface_area_tree(low, high))
+    better, more = timed(lambda: trees.optimal_subtrees(tree))
+    root = float(trees.surface_area(tree.low[-1], tree.high[-1]))
+    area = [trees.summed_area(each) / root for each in (tree, better)]
+    depth = [leaf_depths(each) for each in (tree, better)]
+    values = (*area, 100 * (1 - area[1] / area[0]), depth[0][0], depth[1][0], depth[0][1], depth[1][1])
+    found: dict[str, Any] = {"triangles": len(low)} | dict(zip(ROWS, values, strict=True))
+    rays = Rays(*meshes.camera_rays(mesh, side))
+    for kind in KINDS:
+        distance = trees.triangle_distances(mesh.triangles, *rays)
+        before, after = (traced(each, rays, distance) for each in (tree, better))
+        means = float(before.visits.mean()), float(after.visits.mean())
+        found[f"{kind} rays"] = {
+            "nodes before": means[0],
+            "nodes after": means[1],
+            "reduction in percent": 100 * (1 - means[1] / means[0]),
+        }
+        rays = bounced(mesh.triangles, rays, before, 1)
+    return found | {
+        "processor seconds to build": seconds.processors,
+        "processor seconds to optimise": more.processors,
+    }
+
+
+def _growth(key: int, count: int, scales: int) -> float:
+    """Return by which part the first way of Sect. 4.1.2 makes the summed area of random boxes larger."""
+    random = np.random.default_rng(key)
+    low = np.concatenate([random.normal(size=(count, 3)) * 4.0**-k for k in range(scales)])
+    high = low + 0.5 * random.uniform(size=low.shape) ** 8
+    return _rebuilt(low, high) / trees.summed_area(trees.surface_area_tree(low, high)) - 1
+
+
+def _rebuilt(low: NDArray, high: NDArray, most: int = 8) -> float:
+    """Return the summed area if the largest subtrees of up to ``most`` boxes become optimal, and boxes."""
+    total = float(trees.surface_area(low, high).sum())
+    while len(low) > 1:
+        tree = trees.surface_area_tree(low, high)
+        below = [[k] for k in range(tree.size)]
+        for one, other in tree.children:
+            below.append(below[one] + below[other])
+        small = [len(of) <= most for of in below]
+        kept = np.ones(len(below), bool)
+        for node, pair in enumerate(tree.children, start=tree.size):
+            kept[pair] = not small[node]
+        parts = [of for of, fits, top in zip(below, small, kept, strict=True) if fits and top]
+        for of in parts:
+            best = trees.optimal_subtrees(trees.surface_area_tree(low[of], high[of]))
+            total += (
+                float(trees.surface_area(best.low[len(of) :], best.high[len(of) :]).sum()) if of[1:] else 0
+            )
+        low, high = (
+            np.stack([end(a[of], axis=0) for of in parts]) for a, end in ((low, np.min), (high, np.max))
+        )
+    return total
+
+
+def _area(value: float) -> str:
+    return f"{value:.2f}" if value < 1e4 else f"{value:,.0f}"
+
+
+def _draw_4_2(measured: dict[str, dict[str, Any]]) -> Figure:
+    figure = titled(
+        "Trees before and after one optimisation of subtrees: our meshes, and the thesis's (Table 4.2)",
+        13.4,
+        4.4,
+        fontsize=11,
+    )
+    two = "{:.2f}".format
+    formats = (_area, _area, "{:.2f} %".format, str, str, two, two)
+    rows = [["triangles", *(str(of["triangles"]) for of in measured.values()), *["–"] * len(PRINTED_4_2)]]
+    for k, (row, form) in enumerate(zip(ROWS, formats, strict=True)):
+        cells = [form(of[row]) for of in measured.values()]
+        label = row.removesuffix(" in percent").replace("summed area before", "summed area before (root: 1)")
+        rows.append([label, *cells, *(form(of[k]) for of in PRINTED_4_2.values())])
+    for kind in KINDS:
+        for part, form in (("nodes before", "{:.2f}"), ("nodes after", "{:.2f}"), ("reduction", "{:.2f} %")):
+            key = part if part != "reduction" else "reduction in percent"
+            cells = [form.format(of[f"{kind} rays"][key]) for of in measured.values()]
+            rows.append([f"{kind} rays, {part}", *cells, *["–"] * len(PRINTED_4_2)])
+    for key in ("processor seconds to build", "processor seconds to optimise"):
+        rows.append([key, *(f"{of[key]:.2f}" for of in measured.values()), *["–"] * len(PRINTED_4_2)])
+    heads = [
+        "",
+        *(name.replace("rooms, tessellated", "tessellated") for name in measured),
+        *PRINTED_4_2,
+    ]
+    groups = [
+        ("our meshes", 1, len(measured)),
+        ("thesis, areas in other units", len(measured) + 1, len(heads) - 1),
+    ]
+    widths = [2.4, *[1.0] * len(measured), *[1.2] * len(PRINTED_4_2)]
+    text_tables.draw(figure.subplots(), heads, rows, groups, widths)
+    return figure
+
+
+SIDE_4_3 = {"draft": 24, "paper": 96}
+RUNS = 4
+LEVELS = {"10 levels": 10, "all levels": None}
+MOST = 60
+"""Runs until nothing changes, of the small set."""
+
+PRINTED_4_3 = {
+    "summed area": (1.36267e13, 1.27797e13, 1.25772e13, 1.25063e13, 1.24589e13),
+    "reduction in percent": (6.22, 1.58, 0.56, 0.38),
+    "mean leaf depth": (27.57, 33.29, 33.05, 33.03, 33.12),
+}
+
+NOTE_4_3 = (
+    "Areas in units of the root's; each reduction is that of one run, of the area before it, as printed. "
+    "'10 levels': only below nodes of the ten levels next to the root, at most 1023 subtrees of up to 8 "
+    "leaves. Nodes by {side} x {side} primary rays. The thesis's mesh has some millions of triangles, ours "
+    "{fewest} to {most}. 'until nothing "
+    "changes': runs over all levels of the tree over {small} random boxes. Below each node then the subtree "
+    "over the nodes that are opened is optimal, as the thesis conjectures; not every other subtree with as "
+    "many leaves needs to be."
+)
+
+
+def thesis_table_4_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Optimise trees of all meshes four times, in both ways."""
+    side = SIDE_4_3[quality]
+    measured: dict[str, dict[str, Any]] = {}
+    sizes: list[int] = []
+    for done, name in enumerate(meshes.MESHES, start=1):
+        mesh = meshes.made(name, SIZE[quality])
+        tree = trees.surface_area_tree(*meshes.corners(mesh.triangles))
+        sizes.append(len(mesh.triangles))
+        rays = Rays(*meshes.camera_rays(mesh, side))
+        distance = trees.triangle_distances(mesh.triangles, *rays)
+        for way, levels in LEVELS.items():
+            runs = [tree]
+            busy = 0.0
+            for _ in range(RUNS):
+                better, seconds = timed(partial(trees.optimal_subtrees, runs[-1], levels=levels))
+                runs.append(better)
+                busy += seconds.processors
+            root = float(trees.surface_area(tree.low[-1], tree.high[-1]))
+            area = np.array([trees.summed_area(each) for each in runs]) / root
+            measured[f"{name}, {way}"] = {
+                "triangles": sizes[-1],
+                "processor seconds of all runs": busy,
+                "summed area": area.tolist(),
+                "reduction in percent": (100 * (1 - area[1:] / area[:-1])).tolist(),
+                "mean leaf depth": [leaf_depths(each)[1] for each in runs],
+                "nodes a primary ray visits": [
+                    float(traced(each, rays, distance).visits.mean()) for each in runs
+                ],
+            }
+        progress(done / len(meshes.MESHES))
+    small = 500
+    low = np.random.default_rng(1).uniform(size=(small, 3))
+    gains = _until_nothing_changes(trees.surface_area_tree(low, low + 0.1))
+    first = {name: of["reduction in percent"][0] for name, of in measured.items()}
+    part = {name: first[f"{name}, 10 levels"] / first[f"{name}, all levels"] for name in meshes.MESHES}
+    visits = {name: measured[f"{name}, 10 levels"]["nodes a primary ray visits"] for name in meshes.MESHES}
+    claims = {
+        "the reduction of the area is not as large on further runs": {
+            name: max(of["reduction in percent"][1:]) < of["reduction in percent"][0]
+            for name, of in measured.items()
+        },
+        "runs end where nothing changes": len(gains) < MOST,
+        "ten levels reduce the area by less than the whole tree": {name: p < 1 for name, p in part.items()},
+        "but considerably: by more than half as much": {name: p > 0.5 for name, p in part.items()},
+        "after a first run of ten levels primary rays cost very slightly more": {
+            name: once > before for name, (before, once, *_) in visits.items()
+        },
+        "after another one less than before": {
+            name: twice < before for name, (before, _, twice, *_) in visits.items()
+        },
+    }
+    numbers = {
+        "measured": {
+            "meshes": measured,
+            "reduction of the first run, ten levels / all": part,
+            "runs until nothing changes": len(gains),
+            "reductions in percent until nothing changes": gains,
+        },
+        "printed": {name: list(of) for name, of in PRINTED_4_3.items()},
+        "claims": claims,
+        "note": NOTE_4_3.format(side=side, small=small, fewest=min(sizes), most=max(sizes)),
+    }
+    return _draw_4_3(measured), numbers
+
+
+def _until_nothing_changes(tree: trees.Tree) -> list[float]:
+    """Return the reductions in percent of runs, the last one 0 if that many are enough."""
+    gains: list[float] = []
+    while len(gains) < MOST and (not gains or gains[-1] > 0):
+        better = trees.optimal_subtrees(tree)
+        gains.append(100 * (1 - trees.summed_area(better) / trees.summed_area(tree)))
+        tree = better
+    return gains
+
+
+def _draw_4_3(measured: dict[str, dict[str, Any]]) -> Figure:
+    figure = titled(
+        "Several optimisations of subtrees, one after the other (thesis Table 4.3)", 12.0, 3.9, fontsize=11
+    )
+    reduced = [f"{r:.2f} %" for r in PRINTED_4_3["reduction in percent"]]
+    depth = [f"{PRINTED_4_3['mean leaf depth'][k]:.2f}" for k in (0, 1, 2, 4)]
+    rows = [["thesis: power plant, 10 levels", "13.63e12", *reduced, *depth, *["–"] * 4]]
+    for name, of in measured.items():
+        reduced = [f"{r:.2f} %" for r in of["reduction in percent"]]
+        depth, nodes = of["mean leaf depth"], of["nodes a primary ray visits"]
+        few = [f"{depth[k]:.2f}" for k in (0, 1, 2, 4)] + [f"{nodes[k]:.2f}" for k in (0, 1, 2, 4)]
+        rows.append([name, f"{of['summed area'][0]:.2f}", *reduced, *few])
+    runs = [f"run {k}" for k in range(1, RUNS + 1)]
+    heads = ["mesh, levels", "before", *runs, *("before", "run 1", "run 2", "run 4") * 2]
+    groups = [
+        ("summed area, and by what each run reduces it", 1, 5),
+        ("mean leaf depth", 6, 9),
+        ("nodes of a primary ray", 10, 13),
+    ]
+    text_tables.draw(figure.subplots(), heads, rows, groups, [3.0, 1.3, *[1.0] * 12])
+    return figure

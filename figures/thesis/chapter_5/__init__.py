@@ -1,0 +1,1 @@
+"""Figures and tables of chapter 5 of the thesis."""

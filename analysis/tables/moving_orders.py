@@ -12,7 +12,7 @@ two samples in space and time have a covariance that depends on the xor of their
 alone. The mean squares of errors after several filters in space and time are sums over few such xors, and
 the words of the bits of x and y, and the first columns of T_j, are annealed for the least geometric mean.
 
-The filters are those of the figure ``designed-samplers``: a Gaussian of 1.5 pixels for one frame, with a moving
+The filters are those of figure ``designed-samplers``: a Gaussian of 1.5 pixels for one frame, with a moving
 average of 0.1, and with a Gaussian of 1.5 frames; the moving average alone; blocks of eight frames alone.
 """
 

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.making import store
+from figures.shared.costs import timed
 from figures.shared.imported_objects import imported
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS, rotated
-from figures.shared.turns import timed
 from qmcjax.bridges import mitsuba as bridge
 
 DIMS = 8

@@ -12,7 +12,7 @@ import analysis
 from figures._rc import BLUE, VERMILLION
 from figures.making.schema import Claims
 from figures.shared.sheets.curve_tables import CURVES, Curve, enumerated, square
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from qmcjax import sequences
 
 SHOWN = (8, 9)

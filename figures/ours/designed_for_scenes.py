@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import analysis
 from analysis import design_samples
-from figures.shared.sheets.curves import name_axes
+from figures.shared.sheets.panels import name_axes
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 

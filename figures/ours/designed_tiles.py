@@ -14,8 +14,8 @@ from figures import plot
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import render, samplers, scenes
 from qmcjax.choosing import CANDIDATES
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.shared.sheets import point_plots, text_tables
-from figures.shared.sheets.curves import curve, name_axes, titled
+from figures.shared.sheets import point_plots
+from figures.shared.sheets.panels import curve, name_axes, text_table, titled
 from qmcjax import sequences
 
 MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
@@ -176,7 +176,7 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], part
     for panel, some in (("g", rows[:lines]), ("h", rows[lines:])):
         heads = ["dims", "n", "D* found", "published", "by", "part", SOBOL, "seconds"]
         widths = [0.7, 0.8, 1.3, 1.2, 1.8, 0.8, 1.1, 1.0]
-        text_tables.draw(layout[panel], heads, list(map(_cells, some)), widths=widths)
+        text_table(layout[panel], heads, list(map(_cells, some)), widths=widths)
     return figure
 
 

@@ -9,17 +9,11 @@ from matplotlib.figure import Figure
 from scipy.special import bdtr, bdtrc, ndtr
 
 from figures.plot import Style
-from figures.shared.integrands import (
-    coverage,
-    distinctions,
-    hundred_integrands,
-    interval_kinds,
-    rare_events,
-)
-from figures.shared.sheets.curves import curve, name_axes, titled
+from figures.shared.integrands import coverage, hundred_integrands, rare_events
+from figures.shared.sheets.panels import curve, name_axes, titled
 
 TRIALS = {"draft": 200, "paper": 2000}
-"""Of distinctions."""
+"""Of coverage."""
 
 SIZES = {
     "draft": {"few": (16, 256), "many": (32, 256)},
@@ -35,7 +29,13 @@ STOPPED = {"draft": (("student",), 1, 256, 12), "paper": (("student", "median"),
 
 SIGMAS = 5.0
 COLORS = {"float32": "C0", "float64": "C1"}
-KINDS = {"student": "C0", "median": "C1", "quantile": "C2", "betting": "C3", interval_kinds.BERNSTEIN: "0.5"}
+KINDS = {
+    "student": "C0",
+    "median": "C1",
+    "quantile": "C2",
+    "betting": "C3",
+    hundred_integrands.BERNSTEIN: "0.5",
+}
 MARKS = {"few": "o", "many": "s"}
 
 RARE = {
@@ -82,14 +82,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Measure coverage and distinctions, and draw both."""
     cells = coverage.measured(quality == "paper")
     progress(0.3)
-    rows = distinctions.measure(TRIALS[quality])
+    rows = coverage.measure(TRIALS[quality])
     sizes, tried = SIZES[quality], TRIED[quality]
-    kinds = interval_kinds.measured(sizes, range(tried), lambda part: progress(0.3 + 0.2 * part))
+    kinds = hundred_integrands.measured(sizes, range(tried), lambda part: progress(0.3 + 0.2 * part))
     asked, keys, points, every = STOPPED[quality]
     width = kinds["student", "few"].width.mean(axis=0)
     # With other keys than those of the tolerances.
     keys = range(tried, tried + keys)
-    stops = {kind: interval_kinds.stopped(kind, width, keys, points, every) for kind in asked}
+    stops = {kind: hundred_integrands.stopped(kind, width, keys, points, every) for kind in asked}
     progress(0.7)
     rare, rare_stops = _rare(quality)
     figure = titled(TITLE, 7, 10.5, fontsize=10)
@@ -99,19 +99,21 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     wrong = _rare_events(axes[0], rare)
     _coverages(axes[1], cells)
     held, widths = _of_kinds(kinds)
-    _kinds(axes[2], held, interval_kinds.LEVEL)
+    _kinds(axes[2], held, hundred_integrands.LEVEL)
     axes[2].set_title("(c) 100 integrands: 95 % intervals")
     axes[2].set_xlabel("part of intervals that hold the integral")
     _kinds(axes[3], widths, 1)
     axes[3].set(title="(d) their width", xlabel="width / Student's width, few replicates", xscale="log")
     marked = dict(zip(*axes[2].get_legend_handles_labels()[::-1], strict=True))
     axes[2].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
-    last = {(kind, "few"): interval_kinds.by_class(stop.held, stop.of_class) for kind, stop in stops.items()}
-    _kinds(axes[4], last, interval_kinds.LEVEL)
+    last = {
+        (kind, "few"): hundred_integrands.by_class(stop.held, stop.of_class) for kind, stop in stops.items()
+    }
+    _kinds(axes[4], last, hundred_integrands.LEVEL)
     axes[4].set(title="(e) to a tolerance", xlabel="part that hold the integral")
     _distinguished(axes[5], [row for row in rows if row["ratio"] == 1])
     _power(axes[6], [row for row in rows if row["ratio"] != 1])
-    ratio = kinds[interval_kinds.BERNSTEIN, "many"].width / kinds["betting", "many"].width
+    ratio = kinds[hundred_integrands.BERNSTEIN, "many"].width / kinds["betting", "many"].width
     bernstein = float(np.exp(np.log(ratio).mean()))
     results = sum(stop.held.size for stop in stops.values())
     tested = _tested(cells)
@@ -286,16 +288,18 @@ def _coverages(axes: Axes, cells: list[coverage.Cell]) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
 
 
-Means = dict[interval_kinds.Case, dict[str, float]]
+Means = dict[hundred_integrands.Case, dict[str, float]]
 """By kind and number of replicates, for each class of integrands and all of them."""
 
 
-def _of_kinds(found: dict[interval_kinds.Case, interval_kinds.Intervals]) -> tuple[Means, Means]:
+def _of_kinds(found: dict[hundred_integrands.Case, hundred_integrands.Intervals]) -> tuple[Means, Means]:
     """Return the part of intervals that hold the integral, and their width relative to Student's."""
     classes = np.array([each.of_class for each in hundred_integrands.integrands()])
     usual = found["student", "few"].width
-    held = {case: interval_kinds.by_class(of.held, classes) for case, of in found.items()}
-    logs = {case: interval_kinds.by_class(np.log(of.width / usual), classes) for case, of in found.items()}
+    held = {case: hundred_integrands.by_class(of.held, classes) for case, of in found.items()}
+    logs = {
+        case: hundred_integrands.by_class(np.log(of.width / usual), classes) for case, of in found.items()
+    }
     return held, {case: {k: float(np.exp(v)) for k, v in of.items()} for case, of in logs.items()}
 
 
@@ -314,20 +318,20 @@ def _kinds(axes: Axes, means: Means, wanted: float) -> None:
 
 def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """Draw how often any two of identical samplers are told apart, the most over numbers of samplers."""
-    for color, errors in enumerate(distinctions.ERRORS):
+    for color, errors in enumerate(coverage.ERRORS):
         of = [row for row in rows if row["errors"] == errors]
-        most = {keys: max(row["rate"] for row in of if row["keys"] == keys) for keys in distinctions.KEYS}
+        most = {keys: max(row["rate"] for row in of if row["keys"] == keys) for keys in coverage.KEYS}
         curve(axes, most, Style(f"C{color}", "o"), lw=1.5, label=errors)
     axes.axhline(0.05, color="black", lw=0.8)
     title, y = "(f) 2 to 12 identical samplers", "part of trials that distinguish"
-    ticks = distinctions.KEYS
+    ticks = coverage.KEYS
     name_axes(axes, "number of keys", y, title, log="x", ticks=ticks, legend="best")
     axes.set_ylim(0, 1.05)
 
 
 def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
     """Draw the part of all pairs that is told apart over the ratio of errors."""
-    for color, keys in enumerate(distinctions.KEYS):
+    for color, keys in enumerate(coverage.KEYS):
         rates = {row["ratio"]: row["rate"] for row in rows if row["keys"] == keys}
         curve(axes, rates, Style(f"C{color}", "o"), lw=1.5, label=f"{keys} keys")
     x, y = "ratio of the errors of neighbours", "part of pairs distinguished"

@@ -1,8 +1,10 @@
 """Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, spectra, and speed."""
 
+import tempfile
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,15 +13,82 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures.making import own_process
 from figures.ours import benchmark
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
-from figures.shared.rendered import mitsuba_samplers_measured as measured
-from figures.shared.rendered.mitsuba_samplers_measured import Images, Rates, Size
-from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
+
+REFERENCE, REFERENCE_SPP = "multijitter", 64
+KEY, REFERENCE_KEY = 1, 2**20
+TIMED_SPP = 16
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    scenes: tuple[str, ...]
+    side: int
+    counts: tuple[int, ...]
+    samplers: tuple[str, ...]
+    replicates: int
+    """Of the reference."""
+
+    timed_side: int
+    turns: int
+    """Images whose median is the time of a sampler, after the first."""
+
+
+Images = dict[Run, NDArray]
+
+Rates = dict[str, dict[str, list[float]]]
+"""Seconds of the first image and the median of others, by variants and samplers."""
+
+
+def rates_of(size: Size) -> Rates:
+    """Return first and median seconds of images, by variants and modes of loops, and by samplers."""
+    found: Rates = {}
+    for variant in ("scalar_rgb", *(["llvm_ad_rgb"] if mitsuba_scenes.has_llvm() else [])):
+        task = {
+            "variant": variant,
+            "samplers": size.samplers,
+            "side": size.timed_side,
+            "spp": TIMED_SPP,
+            "turns": size.turns,
+        }
+        for mode, taken in own_process.measured(process, task).items():
+            found[f"{variant}, {mode} loops" if mode else variant] = taken
+    return found
+
+
+def shown(sampler: str) -> str:
+    """Return a name that says whose sampler it is."""
+    return f"Mitsuba, {sampler}" if sampler in process.THEIRS else sampler
+
+
+def measured_area(scene: str, side: int) -> diffusion.Area:
+    """Return the part of an image in which errors are measured."""
+    return (slice(side // 4, side), slice(None)) if scene == "Cornell box" else diffusion.WHOLE
+
+
+def images_of(scene: str, size: Size) -> Images:
+    """Return images by a process of their own."""
+    runs = [Run(REFERENCE, REFERENCE_SPP, REFERENCE_KEY + k) for k in range(size.replicates)]
+    runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
+    with tempfile.TemporaryDirectory() as folder:
+        task = {"scene": scene, "side": size.side, "runs": runs, "file": str(Path(folder, "images.npz"))}
+        own_process.run(process, task=task)
+        with np.load(task["file"]) as result:
+            return dict(zip(runs, result["images"].astype(np.float64), strict=True))
+
+
+def reference(images: Images) -> diffusion.Reference:
+    """Return the mean of the replicates of the reference, and its standard error."""
+    return diffusion.of_replicates([of for run, of in images.items() if run.seed >= REFERENCE_KEY], "")
+
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 SHOWN = ("independent", "multijitter", OWEN, OPTIMIZED)
@@ -52,7 +121,7 @@ NOTE = (
     "samples the RMS error of independent samples is {ratios} times that of Owen-scrambled Sobol' points in "
     f"each pixel; the goal was {GOAL} on two scenes. {{verdict}} Least of all: {{best}}; after the filter: "
     "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at "
-    f"{measured.TIMED_SPP} samples, paths of up to 8 edges, medians of {{turns}} images in turns, on all "
+    f"{TIMED_SPP} samples, paths of up to 8 edges, medians of {{turns}} images in turns, on all "
     "threads. {rates}At one sample Mitsuba's three are the same points."
 )
 
@@ -74,30 +143,28 @@ def make(
     size = SIZES[quality]
     with ThreadPoolExecutor(2) as pool:
         found: dict[str, Images] = {}
-        runs = pool.map(lambda name: measured.images_of(name, size), size.scenes)
+        runs = pool.map(lambda name: images_of(name, size), size.scenes)
         for name, images in zip(size.scenes, runs, strict=True):
             found[name] = images
             progress(0.7 * len(found) / len(size.scenes))
-    rates = measured.rates_of(size)
-    exact = {name: measured.reference(of) for name, of in found.items()}
+    rates = rates_of(size)
+    exact = {name: reference(of) for name, of in found.items()}
     rows = [
-        {"scene": name, "sampler": measured.shown(run.sampler), "spp": run.spp}
-        | diffusion.measures(image, exact[name], measured.area(name, size.side))
+        {"scene": name, "sampler": shown(run.sampler), "spp": run.spp}
+        | diffusion.measures(image, exact[name], measured_area(name, size.side))
         for name, of in found.items()
         for run, image in of.items()
-        if run.seed == measured.KEY
+        if run.seed == KEY
     ]
     errors = _by_case(rows)
     most = size.counts[-1]
     ratios = {
-        name: errors[name, measured.shown("independent"), most]["RMS error"]
-        / errors[name, OWEN, most]["RMS error"]
+        name: errors[name, shown("independent"), most]["RMS error"] / errors[name, OWEN, most]["RMS error"]
         for name in found
     }
     least = {
         what: {
-            name: min(map(measured.shown, size.samplers), key=lambda s: errors[name, s, most][what])
-            for name in found
+            name: min(map(shown, size.samplers), key=lambda s: errors[name, s, most][what]) for name in found
         }
         for what in ("RMS error", "filtered error")
     }
@@ -107,8 +174,7 @@ def make(
             f"RMS error of independent samples / Owen's, {most} spp": ratios,
             f"least of all, {most} spp": least,
             "seconds of the first image, and of others": {
-                what: {measured.shown(name): taken for name, taken in of.items()}
-                for what, of in rates.items()
+                what: {shown(name): taken for name, taken in of.items()} for what, of in rates.items()
             },
         },
         "table": rows,
@@ -129,7 +195,7 @@ def make(
         ),
     }
     images = {
-        f"{name}, {measured.shown(sampler)}": of[Run(sampler, SHOWN_SPP, measured.KEY)]
+        f"{name}, {shown(sampler)}": of[Run(sampler, SHOWN_SPP, KEY)]
         for name, of in found.items()
         for sampler in _pictured(size)
     }
@@ -142,10 +208,8 @@ def _by_case(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], dict[str,
 
 def _said(what: str, taken: dict[str, list[float]], size: Size) -> str:
     base = taken["independent"][1]
-    others = {
-        measured.shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"
-    }
-    speed = size.timed_side**2 * measured.TIMED_SPP / base / 1e6
+    others = {shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"}
+    speed = size.timed_side**2 * TIMED_SPP / base / 1e6
     return RATE.format(what=what, speed=speed, ratios=_listed(others))
 
 
@@ -167,7 +231,7 @@ def _missing() -> tuple[Figure, dict]:
 
 
 def _style(sampler: str) -> plot.Style:
-    name = measured.shown(sampler)
+    name = shown(sampler)
     if name == "Mitsuba, multijitter":  # Its colour elsewhere is that of our optimised orders.
         return plot.Style(plot.style("rank-1 lattice").color, "v", "--")
     return benchmark.STYLES[name] if name in benchmark.STYLES else plot.style(sampler)
@@ -191,9 +255,9 @@ def _drawn(
     for name, of in found.items():
         panels.append(Panel(f"{name}\nreference", diffusion.shown(exact[name].image)))
         for sampler in _pictured(size):
-            error = errors[name, measured.shown(sampler), SHOWN_SPP]["RMS error"]
-            caption = f"{measured.shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
-            panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, measured.KEY)])))
+            error = errors[name, shown(sampler), SHOWN_SPP]["RMS error"]
+            caption = f"{shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
+            panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
     bars = BAR * len(size.samplers) + 190
     below = len(CURVES) * ROW + bars + 20
     title = "Samplers of ours in Mitsuba 3, beside its own: errors of pixels and from afar, and rates"
@@ -226,7 +290,7 @@ def _drawn(
 
 def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], size: Size) -> None:
     for sampler in size.samplers:
-        name = measured.shown(sampler)
+        name = shown(sampler)
         chosen = {row["spp"]: row[what] for row in rows if (row["scene"], row["sampler"]) == (scene, name)}
         curve(axes, chosen, _style(sampler), label=name)
     name_axes(axes, "samples per pixel", what, log="xy", ticks=size.counts, few_decades=True)
@@ -238,16 +302,16 @@ def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size
         ratio = base / taken[sampler][1]
         axes.barh(k, ratio, color=_style(sampler).color)
         axes.text(ratio, k, f"  {ratio:.2f}", va="center", fontsize=8)
-    axes.set_yticks(range(len(size.samplers)), list(map(measured.shown, size.samplers)))
+    axes.set_yticks(range(len(size.samplers)), list(map(shown, size.samplers)))
     axes.invert_yaxis()
     axes.set(xlabel="rate / independent", xlim=(0, 1.3))
     axes.set_title(what, fontsize=9)
 
 
 def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Reference, size: Size) -> None:
-    area = measured.area(scene, size.side)
+    area = measured_area(scene, size.side)
     for sampler in size.samplers:
-        image = images[Run(sampler, SPECTRUM_SPP, measured.KEY)]
+        image = images[Run(sampler, SPECTRUM_SPP, KEY)]
         frequency, mean = analysis.radial_average(analysis.error_spectrum(image[area], exact.image[area]))
         drawn = _style(sampler)
         axes.plot(frequency / max(image[area].shape[:2]), mean, drawn.line, color=drawn.color, lw=1.2)

@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from figures.making import own_process
 from figures.making.this_machine import machine
-from figures.shared.sheets.curves import legend_below, name_axes, titled
+from figures.shared.sheets.panels import legend_below, name_axes, titled
 from figures.shared.timing import image_scaling, measure_scaling
 
 DOUBLED, WITHIN = 2.0, 0.1

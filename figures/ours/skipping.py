@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared.sheets.curves import name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.panels import name_axes
 from figures.shared.timing import speed_sweep
 from qmcjax import scenes
 

@@ -1,16 +1,166 @@
 """How fast points, rays, paths and measures are, beside the programs that a user would take instead."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from functools import partial
+from itertools import islice
+from typing import Any, NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
+from scipy.stats import qmc
 
+import analysis
+import qmcjax as qj
 from figures.making import own_process
 from figures.plot import Style
-from figures.shared.sheets.curves import titled
-from figures.shared.timing import device_rates, measure_rates, path_rates, point_rates, ray_rates
+from figures.shared.costs import in_turns, median, timed
+from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.shared.sheets.panels import titled
+from figures.shared.timing import device_rates, point_rates, ray_rates
+from figures.shared.timing.measure_scaling import Call, Points, random, sobol
+from qmcjax import scenes, sequences, tracing
+from qmcjax.choosing import CANDIDATES
+
+CALLS = {"draft": 1, "paper": 7}
+BUDGET = 6.0
+"""Seconds after which no further calls are made."""
+
+NOTE_ON_MEASURES = (
+    "Measures: medians of calls after the first, both programs in turns for the same points, float64. "
+    "cKDTree is built with boxsize=1 and called with two workers; scipy's L2 star discrepancy is the value "
+    "alone, ours includes the gradient."
+)
+
+
+class Peer(NamedTuple):
+    """A measure, what a user would take instead, and numbers of points by quality."""
+
+    measure: Call
+    peer: Call
+    name: str
+    dims: int
+    draft: int
+    paper: int
+
+
+def _lattice(n: int, dims: int, block: int) -> Points:
+    return np.asarray(sequences.lattice(dims).points(n, block * n, dtype=jnp.float64))
+
+
+def _clustered(n: int, dims: int, key: int) -> Points:
+    """Return points in 16 clusters."""
+    rng = np.random.default_rng(key)
+    return (rng.random((16, dims))[rng.integers(0, 16, n)] + 0.02 * rng.normal(size=(n, dims))) % 1
+
+
+FAMILIES: dict[str, Callable[[int, int, int], Points]] = {
+    "Sobol'": sobol,
+    "random": random,
+    "lattice": _lattice,
+    "clustered": _clustered,
+}
+
+
+def _nearest_by_tree(points: Points) -> float:
+    distances, _ = cKDTree(points, boxsize=1.0).query(points, k=2, workers=2)
+    return float(np.asarray(distances)[:, 1].min())
+
+
+def _scipy_l2_star(points: Points) -> float:
+    return float(qmc.discrepancy(points, method="L2-star"))
+
+
+PEERS = {
+    f"min distance, {dims}-D": Peer(analysis.min_distance, _nearest_by_tree, "cKDTree", dims, 2**14, 2**20)
+    for dims in (2, 3)
+} | {
+    "L2 star and gradient, 2-D": Peer(
+        jax.value_and_grad(analysis.l2_star_discrepancy), _scipy_l2_star, "scipy", 2, 2**9, 2**14
+    ),
+}
+
+
+def measure_rates(quality: str) -> dict[str, dict[str, float]]:
+    """Return points per second by measure and points, ours and the peer's."""
+    rates: dict[str, dict[str, float]] = {}
+    with jax.enable_x64(True):
+        for name, case in PEERS.items():
+            n = getattr(case, quality)
+            calls: dict[str, Callable[[Any], Any]] = {"qmcjax": case.measure, case.name: case.peer}
+            for family, draw in FAMILIES.items():
+                taken = in_turns(calls, CALLS[quality], BUDGET, partial(draw, n, case.dims))
+                rates[f"{name}, {n} points, {family}"] = {who: n / median(of) for who, of in taken.items()}
+    return rates
+
+
+SIZES = {"draft": (16, 1, 1, 1), "paper": (128, 16, 9, 2)}
+"""Side of the image, samples per pixel, turns, scenes."""
+
+BOUNCES = 6
+"""Paths have up to 8 edges."""
+
+POINTS = {"qmcjax, Sobol'": CANDIDATES["(0,2), Owen"].make, "qmcjax, random": CANDIDATES["random"].make}
+
+
+NOTE_ON_PATHS = (
+    "Paths: images of {side} x {side} pixels, {spp} samples per pixel, {bounces} bounces, light sampled at "
+    "each surface. Medians of turns, ours without compiling, Mitsuba's (scalar_rgb, all threads) without "
+    "loading. Its points are independent, as ours are in one case; in the other, Sobol' points are scrambled "
+    "in each pixel."
+)
+
+
+def path_rates(quality: str) -> tuple[dict[str, Any], str]:
+    """Let both programs render in turns, and return what each scene took, and how it was measured."""
+    side, spp, turns, count = SIZES[quality]
+    found = {name: _paths(scene, side, spp, turns) for name, scene in islice(cases().items(), count)}
+    missing = "" if mitsuba_scenes.installed() else " Mitsuba is not installed: pip install mitsuba."
+    return found, NOTE_ON_PATHS.format(side=side, spp=spp, bounces=BOUNCES) + missing
+
+
+def cases() -> dict[str, tracing.PathTracing]:
+    """Return scenes of diffuse surfaces of one colour each."""
+    box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5, bounces=BOUNCES)
+    interior = mitsuba_scenes.plain(scenes.interior(BOUNCES).estimator)
+    return {"Cornell box": box.estimator, "interior": interior}
+
+
+def _paths(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> dict[str, Any]:
+    paths = side * side * spp
+    compiling = {name: _our_image(scene, side, spp, points, 0)[1] for name, points in POINTS.items()}
+    seconds: dict[str, list[float]] = {name: [] for name in POINTS}
+    means: dict[str, list[float]] = {name: [] for name in POINTS}
+    for turn in range(1, turns + 1):
+        for name, points in POINTS.items():
+            image, took = _our_image(scene, side, spp, points, turn)
+            seconds[name].append(took)
+            means[name].append(float(image.mean()))
+        if mitsuba_scenes.installed():
+            # The first of two wakes its threads.
+            images, both = mitsuba_scenes.rendered(scene, side, side, spp, [2 * turn, 2 * turn + 1])
+            seconds.setdefault("Mitsuba", []).append(both[1])
+            means.setdefault("Mitsuba", []).append(float(images.mean()))
+    rates = {name: paths / float(np.median(times)) for name, times in seconds.items()}
+    return {
+        "primitives": scene.world.count,
+        "paths per second": rates,
+        "seconds of the first image": compiling,
+        "mean of the images": {name: float(np.mean(values)) for name, values in means.items()},
+    }
+
+
+def _our_image(
+    scene: tracing.PathTracing, side: int, spp: int, points: Callable[..., Any], key: int
+) -> tuple[NDArray[np.float32], float]:
+    sampler = points(len(scene.needs), side, side, spp, key)
+    image, seconds = timed(qj.render, scene, sampler, side, side, spp)
+    return np.asarray(image), seconds.clock
+
 
 ALIKE = 1.25
 """Ratio of rates that are about the same."""
@@ -61,9 +211,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.3)
     of_rays, about_rays = ray_rates.measured(quality)
     progress(0.6)
-    of_paths, about_paths = path_rates.measured(quality)
+    of_paths, about_paths = path_rates(quality)
     progress(0.8)
-    measures = measure_rates.measured(quality)
+    measures = measure_rates(quality)
     points = {case["case"]: case["ours"] | case["peers"] for case in made["cases"]}
     rays = {name: {way: of["per second"] for way, of in ways.items()} for name, ways in of_rays.items()}
     paths = {name: of["paths per second"] for name, of in of_paths.items()}
@@ -103,7 +253,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "devices": on_device,
         },
         "claims": claims,
-        "note": NOTE.format(rays=about_rays, paths=about_paths, measures=measure_rates.NOTE),
+        "note": NOTE.format(rays=about_rays, paths=about_paths, measures=NOTE_ON_MEASURES),
     }
     return figure, numbers
 

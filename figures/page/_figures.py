@@ -1,15 +1,57 @@
-"""The figures of a paper: each with its picture, below it the claims, how it was made and what it found."""
+"""The figures of a paper: pictures, images side by side, claims, how each was made and what it found."""
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import ledger
 from figures.catalogue import NO_DRAFT
-from figures.page import _images, _verdicts
-from figures.page._html import Markup, fill, join, png_size, quantity
+from figures.making import store
+from figures.page import _ledger
+from figures.page._html import PARTS, Markup, fill, join, png_size, quantity, script_safe
 from figures.page._ledger import measured, said
-from figures.page._places import PARTS
+
+VIEWER = """
+<section class="viewer" aria-label="Images of $name side by side" data-name="$name" data-title="$title">
+<script type="application/json">$images</script>
+</section>
+"""
+
+WALL = """
+<div class="wall wide" style="--width: 1370px" data-name="$name" data-title="$title">
+<script type="application/json">$images</script></div>
+"""
+
+LOST = '<p class="warning">Images are missing: $files</p>'
+
+
+def images_of(folder: Path, name: str, title: str, images: Mapping[str, Any] | None) -> Markup:
+    """Return a viewer, and a wall above it for a series over several counts; nothing for no images."""
+    if images is None:
+        return Markup("")
+    counts = {item["spp"] for item in images["items"] if "spp" in item}
+    series = [wall(folder, name, title, images)] * (len(counts) > 1)
+    return join([*series, viewer(folder, name, title, images)])
+
+
+def viewer(folder: Path, name: str, title: str, images: Mapping[str, Any]) -> Markup:
+    """Return what the page's script makes a viewer of."""
+    return _component(VIEWER, folder, name, title, images)
+
+
+def wall(folder: Path, name: str, title: str, images: Mapping[str, Any]) -> Markup:
+    """Return what the page's script makes a wall of: all samplers at as many samples as a slider says."""
+    return _component(WALL, folder, name, title, images)
+
+
+def _component(template: str, folder: Path, name: str, title: str, images: Mapping[str, Any]) -> Markup:
+    lost = [file for file in store.image_files(name, {"images": images}) if not (folder / file).is_file()]
+    if lost:
+        return fill(LOST, files=", ".join(lost))
+    data = json.dumps(images, ensure_ascii=False, separators=(",", ":"))
+    return fill(template, name=name, title=title, images=script_safe(data))
+
 
 PART = """
 <section class="part">
@@ -74,7 +116,7 @@ class Shown(NamedTuple):
     title: str
     entry: Mapping[str, Any] | None
     findings: Sequence[ledger.Finding]
-    drafts: _verdicts.Drafts
+    drafts: _ledger.Drafts
     our_scene: bool
     failed: bool
     """Whether the last run could not make it anew."""
@@ -87,7 +129,7 @@ def part(
     return fill(
         PART,
         title=PARTS[name],
-        summary=_verdicts.summary(counted, name),
+        summary=_ledger.summary(counted, name),
         contents=join(_content(figure) for figure in figures),
         first=first,
         figures=join(_figure(folder, figure) for figure in figures),
@@ -95,13 +137,13 @@ def part(
 
 
 def _counted(figure: Shown) -> dict[str, int]:
-    return _verdicts.counts(finding.verdict for finding in figure.findings)
+    return _ledger.counts(finding.verdict for finding in figure.findings)
 
 
 def _content(figure: Shown) -> Markup:
     mark = '<i class="$verdict">$sign$count</i>'
     marks = join(
-        fill(mark, verdict=verdict, sign=_verdicts.VERDICTS[verdict][0], count=count)
+        fill(mark, verdict=verdict, sign=_ledger.VERDICTS[verdict][0], count=count)
         for verdict, count in _counted(figure).items()
     )
     return fill(CONTENT, name=figure.name, title=figure.title, marks=marks)
@@ -115,7 +157,7 @@ def _figure(folder: Path, figure: Shown) -> Markup:
     else:
         try:
             shown |= _whole(folder, figure, figure.entry)
-        except _verdicts.UNREADABLE as error:
+        except _ledger.UNREADABLE as error:
             shown["picture"] = fill(DAMAGED, command=command(name), error=type(error).__name__)
     return fill(
         FIGURE, name=name, title=figure.title, badges=_badges(figure), claims=_claims(figure), **shown
@@ -132,7 +174,7 @@ def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, M
     return {
         "picture": picture(folder, figure),
         "moving": _moving(folder, figure, entry),
-        "images": _images.shown(folder, name, title, images),
+        "images": images_of(folder, name, title, images),
         "made": fill(MADE, table=table),
     }
 
@@ -158,7 +200,7 @@ def _claims(figure: Shown) -> Markup:
         fill(
             CLAIM,
             verdict=finding.verdict,
-            word=_verdicts.word(finding.verdict),
+            word=_ledger.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
             draft="" if draft in (None, "alone") else f"; draft {draft}",
@@ -169,7 +211,7 @@ def _claims(figure: Shown) -> Markup:
         for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
     )
     count = quantity(len(figure.findings), "claim")
-    return fill(CLAIMS, count=count, summary=_verdicts.summary(_counted(figure)), items=join(items))
+    return fill(CLAIMS, count=count, summary=_ledger.summary(_counted(figure)), items=join(items))
 
 
 def _paragraph(text: Markup) -> Markup:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from figures.page._html import Markup, fill, join
-from figures.page._verdicts import UNREADABLE
+from figures.page._ledger import UNREADABLE
 
 CLASSES = {
     "Edges": ("checkerboard", "disc"),

@@ -9,17 +9,104 @@ from typing import Any
 from figures import ledger
 from figures.catalogue import Entry
 from figures.making import store
-from figures.page import _figures, _images, _ledger, _picker, _playground, _tour, _verdicts
-from figures.page._figures import Shown
-from figures.page._html import Markup, fill, join, quantity, static
-from figures.page._places import PAGES, PARTS, href, order, part_of
-from figures.page._verdicts import bar, summary
+from figures.page import _figures, _ledger, _picker
+from figures.page._figures import Shown, not_made, picture
+from figures.page._html import PAGES, PARTS, Markup, fill, href, join, order, part_of, quantity, static
+from figures.page._ledger import bar, summary
+
+SCRIPT = "playground.js"
+"""The file of its program, beside the page."""
+
+PROGRAMS = ("unpack.js", "ask.js", "accumulate.js", "measure.js", "curve.js", "playground.js")
+
+LIVE = """
+<section class="playground" aria-label="Two samplers on a scene, rendered in this page">
+<div class="live" hidden></div>
+<div class="still">$still</div>
+</section>
+<script src="$data" defer></script>
+<script src="$script" defer></script>
+"""
+
+
+def script() -> str:
+    """Return the program of playgrounds, which needs that of the viewer."""
+    return "\n".join(static(f"playground/{name}") for name in PROGRAMS)
+
+
+def playground(folder: Path, data: str, still: Markup | str) -> Markup | str:
+    """Return a playground in place of something that is still; just that without the file of its data."""
+    if not (folder / data).is_file():
+        return still
+    return fill(LIVE, data=data, script=SCRIPT, still=still)
+
+
+STEPS = (
+    (
+        "thesis-5.2",
+        "One point in each cell",
+        "Random points clump and leave holes. A net puts exactly one point into each cell of a grid, and "
+        "into each box of the same area, however flat: so it sees an edge in any place about as often as it "
+        "should.",
+    ),
+    (
+        "hilbert-1",
+        "A path over the pixels",
+        "An image needs such points in each of its pixels. If one sequence is dealt out along a curve that "
+        "stays among neighbours, the points of nearby pixels complete each other.",
+    ),
+    (
+        "z-1",
+        "The same amount of noise, arranged",
+        "At one sample per pixel every sampler has noise. But where neighbours err in opposite directions, "
+        "errors cancel to the eye: the spectrum is dark in its middle, which is called blue noise.",
+    ),
+    (
+        "thesis-6.2",
+        "More samples, less error, at different rates",
+        "Random samples halve the error with four times the work. Stratified ones and nets fall on steeper "
+        "lines, so that their advantage grows with the number of samples.",
+    ),
+    (
+        "benchmark",
+        "What a user pays: time",
+        "A sampler that takes longer for a point must save samples. Error over run time shows which one is "
+        "worth it: what lies lower and farther to the left wins.",
+    ),
+)
+
+TOUR = """
+<section id="start" aria-labelledby="start-title"><h2 id="start-title">Five pictures</h2>
+<ol class="tour">$steps</ol></section>
+"""
+
+STEP = """
+<li><h3>$title</h3><p>$text <a href="$place">$name</a></p>$picture</li>
+"""
+
+
+def tour(folder: Path, figures: Mapping[str, Shown]) -> Markup:
+    """Return the five pictures; nothing for another catalogue, which has none of them."""
+    steps = [
+        fill(
+            STEP,
+            name=name,
+            place=href(name),
+            title=title,
+            text=text,
+            picture=not_made(name) if figures[name].entry is None else picture(folder, figures[name]),
+        )
+        for name, title, text in STEPS
+        if name in figures
+    ]
+    return fill(TOUR, steps=join(steps)) if steps else Markup("")
+
 
 PAGE = "index.html"
 
 SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "numbers.js")
 
-FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", _playground.SCRIPT, "page-numbers.js")
+FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", SCRIPT, "page-numbers.js")
 """What is written; the first is where one begins."""
 
 SLIDER = "spp-slider"
@@ -69,7 +156,7 @@ def files(
     failed: Collection[str] = (),
 ) -> dict[str, str]:
     """Return the pages and what they load, by names of files."""
-    assessed = _verdicts.assess(entries)
+    assessed = _ledger.assess(entries)
     figures = {
         name: Shown(
             name,
@@ -85,7 +172,7 @@ def files(
     parts = {part: [figure for figure in figures.values() if part_of(figure.name) == part] for part in PARTS}
     for part in parts.keys() - {"ours"}:
         parts[part].sort(key=lambda figure: order(figure.name))
-    counts = {paper: _verdicts.of_paper(assessed.findings, paper) for paper in ledger.PAPERS}
+    counts = {paper: _ledger.of_paper(assessed.findings, paper) for paper in ledger.PAPERS}
     mains = {
         "index": _front(folder, figures, parts, counts, assessed, failed),
         "ledger": _ledger.section(assessed.findings, assessed.drafts),
@@ -95,7 +182,7 @@ def files(
     }
     shown = [_page(folder, name, mains[name]) for name in PAGES]
     scripts = "\n".join(static(name) for name in SCRIPTS)
-    others = [static("style.css"), scripts, _playground.script(), _numbers(entries)]
+    others = [static("style.css"), scripts, script(), _numbers(entries)]
     return dict(zip(FILES, [*shown, *others], strict=True))
 
 
@@ -114,7 +201,7 @@ def _numbers(entries: Mapping[str, Mapping[str, Any]]) -> str:
     """Return the script that a page loads when numbers are unfolded: pages from disk cannot read JSON."""
     found = {}
     for name, entry in entries.items():
-        with suppress(*_verdicts.UNREADABLE):
+        with suppress(*_ledger.UNREADABLE):
             found[name] = _figures.details(name, entry)
     return f"window.figureNumbers = {json.dumps(found, ensure_ascii=False)};\n"
 
@@ -124,7 +211,7 @@ def _front(
     figures: Mapping[str, Shown],
     parts: Mapping[str, list[Shown]],
     counts: Mapping[str, Mapping[str, int]],
-    assessed: _verdicts.Assessed,
+    assessed: _ledger.Assessed,
     failed: Collection[str],
 ) -> Markup:
     """Return what a visitor sees first: samplers, their use, what the papers claim, and where all is."""
@@ -137,7 +224,7 @@ def _front(
             for paper, of in counts.items()
         ),
         drafts=_drafts(assessed.drafts),
-        tour=_tour.section(folder, figures),
+        tour=tour(folder, figures),
         state=_state(figures),
         index=join(
             fill(
@@ -157,18 +244,18 @@ def _front(
 def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
     """Return the playground, or three samplers at as many samples as a slider says, or another picture."""
     slider, hero = figures.get(SLIDER), figures.get(HERO)
-    with suppress(*_verdicts.UNREADABLE):
+    with suppress(*_ledger.UNREADABLE):
         if slider and slider.entry:
             images = slider.entry["images"]
             reference, *items = images["items"]
             chosen = [item for item in items if item["name"] in THREE]
             shown = images | {"items": [reference, *chosen]}
-            wall = _images.wall(folder, SLIDER, slider.title, shown)
-            return fill(WALL, wall=_playground.playground(folder, f"{SLIDER}.playground.js", wall))
+            wall = _figures.wall(folder, SLIDER, slider.title, shown)
+            return fill(WALL, wall=playground(folder, f"{SLIDER}.playground.js", wall))
     return _figures.picture(folder, hero) if hero and hero.entry else Markup("")
 
 
-def _drafts(drafts: _verdicts.Drafts) -> str:
+def _drafts(drafts: _ledger.Drafts) -> str:
     said = list(drafts.values())
     alone, agree, contradict, small = map(said.count, ("alone", "agrees", "contradicts", "too small"))
     beside = f"Drafts: {agree} agree with paper quality, {contradict} contradict it, {small} are too small. "

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
-from figures.plot._panel import check_texts, number, panel
+from figures.plot._panels import check_texts, number, panel
 from figures.plot._style import style
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, numbers, require

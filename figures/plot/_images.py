@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from figures.plot._panel import check_texts, number
+from figures.plot._panels import check_texts, number
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, numbers, require
 

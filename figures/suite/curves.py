@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
 from figures.plot import Style, rc, style
 from figures.shared.rivals import RIVALS
-from figures.shared.sheets.curves import curve
+from figures.shared.sheets.panels import curve
 from figures.suite.entries import Entry
 from figures.suite.results import BASE, Measured, Score, by_samples, families
 

@@ -17,9 +17,10 @@ import analysis
 from figures.making import heitz
 from figures.making.schema import UNDECIDED, Claims, Found
 from figures.shared import judged
-from figures.shared.rendered import diffusion, padded_samplers, published_keys, scene_images
+from figures.shared.rendered import diffusion, padded_samplers, scene_images
 from figures.shared.sheets import image_sheets
 from figures.shared.sheets.curve_tables import SHARE, strongest_share
+from figures.z import z_renderings
 from qmcjax import samplers, scenes, sequences
 
 SIDE = {"draft": 128, "paper": 256}
@@ -99,14 +100,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     handed_out = {"reference": exact.image[area]}  # without the window, as they are measured
     siblings: dict[str, float] = {}
     square = slice(side // 8, side - side // 8), slice(side // 4, side)
-    shown = ways(len(scene.needs), side, 1) | published_keys.beside(len(scene.needs), KEY)
+    shown = ways(len(scene.needs), side, 1) | z_renderings.beside(len(scene.needs), KEY)
     for name, sampler in shown.items():
         image = scene_images.image(scene, sampler, side, 1)
         handed_out[name] = image[area]
         images[name] = diffusion.shown(image)
         spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
         measured[name] = diffusion.measures(image, exact, area) | {SHARE: strongest_share(spectra[name])}
-        tile = heitz.TILE if name == published_keys.PUBLISHED else TILE
+        tile = heitz.TILE if name == z_renderings.PUBLISHED else TILE
         if tile < side:
             measured[name][REPEATS] = _correlation((image - exact.image)[area], tile)
             measured[name][SPIKES] = _spikes((image - exact.image)[area], tile)
@@ -137,7 +138,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         origin=exact.origin,
     )
     note += (
-        published_keys.note()
+        z_renderings.note()
         + diffusion.BESIDE_WINDOW
         + "Spectra are of the middle square of it. "
         + diffusion.EXPLAINED
@@ -167,8 +168,8 @@ def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, squ
         "Z": lambda key: samplers.z(side, side, 1, key, "tree", dims=dims),
         "ranked keys": lambda key: padded_samplers.ranked(pairs, key),
     } | {
-        name: lambda key: published_keys.beside(dims, key)[published_keys.PUBLISHED]
-        for name in published_keys.beside(dims, KEY)
+        name: lambda key: z_renderings.beside(dims, key)[z_renderings.PUBLISHED]
+        for name in z_renderings.beside(dims, KEY)
     }
     found: Keys = {}
     for name, of_key in made.items():
@@ -241,17 +242,17 @@ def _claims(
             judged.below(white[LOW], WHITE[1]), judged.below(-np.array(white[LOW]), -WHITE[0])
         ),
         "the error of Z is blue noise": judged.below(over_keys["Z"][LOW], BLUE),
-        "the error of ranked keys is blue noise": published_keys.judged_by(
+        "the error of ranked keys is blue noise": z_renderings.judged_by(
             lambda name: judged.below(over_keys[name][LOW], BLUE)
         ),
         "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": judged.below(
             structured, share
         ),
         "ranked keys repeat themselves at the period of the tile: a correlation above 0.1": (
-            published_keys.judged_by(lambda name: _above(measured[name], REPEATS, 0.1))
+            z_renderings.judged_by(lambda name: _above(measured[name], REPEATS, 0.1))
         ),
         "the spectrum of ranked keys has spikes at the tile's period: a tenth more than their share": (
-            published_keys.judged_by(lambda name: _above(measured[name], SPIKES, 1.1))
+            z_renderings.judged_by(lambda name: _above(measured[name], SPIKES, 1.1))
         ),
         "Z has no such structure": judged.smaller(over_keys["Z"][SHARE], structured),
         "Z has less filtered error than (0,2)": judged.smaller(over_keys["Z"][FILTERED], white[FILTERED]),

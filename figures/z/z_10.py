@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import judged
-from figures.shared.rendered import diffusion, published_keys, scene_images
-from figures.shared.rendered.z_renderings import EFFECTS, make_samplers
+from figures.shared.rendered import diffusion, scene_images
 from figures.shared.sheets.image_sheets import magnified, magnified_sheet
+from figures.z import z_renderings
+from figures.z.z_renderings import EFFECTS, make_samplers
 from qmcjax import scenes
 
 SIDE = {"draft": 32, "paper": 128}
@@ -100,7 +101,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             "keys": keys,
         },
         "claims": _claims(afar),
-        "note": note + published_keys.note() + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED,
+        "note": note + z_renderings.note() + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED,
     }
     return figure, numbers, {name: _side_by_side(images) for name, images in handed_out.items()}
 
@@ -127,7 +128,7 @@ def _together(found: list[dict[str, float]]) -> dict[str, float]:
 def _claims(afar: dict[str, dict[str, list[float]]]) -> Claims:
     def others(name: str) -> list[str]:
         """Return what a sampler is compared to: ranked keys not to those that they stand for."""
-        same = published_keys.names() if name in published_keys.names() else (name,)
+        same = z_renderings.names() if name in z_renderings.names() else (name,)
         return [other for other in afar["sports"] if other not in same]
 
     return {
@@ -138,11 +139,11 @@ def _claims(afar: dict[str, dict[str, list[float]]]) -> Claims:
         "Z almost delivers the best quality": {
             title: judged.all_smaller(of, ["Z"], others("Z"), ALMOST) for title, of in afar.items()
         },
-        "ranked keys slightly outperform Z in the sports car": published_keys.judged_by(
+        "ranked keys slightly outperform Z in the sports car": z_renderings.judged_by(
             lambda name: judged.smaller(afar["sports"][name], afar["sports"]["Z"])
         ),
         "ranked keys fail badly with bidirectional paths: a fifth more error than all others": (
-            published_keys.judged_by(
+            z_renderings.judged_by(
                 lambda name: judged.all_smaller(afar["caustic"], others(name), [name], 1 / ALMOST)
             )
         ),

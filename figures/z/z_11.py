@@ -11,8 +11,9 @@ from figures._errors import rms
 from figures.making import heitz
 from figures.making.schema import Claims, Found
 from figures.shared import judged
-from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, published_keys, z_renderings
-from figures.shared.sheets.curves import titled
+from figures.shared.rendered import diffusion, padded_samplers, pixel_sets
+from figures.shared.sheets.panels import titled
+from figures.z import z_renderings
 from figures.z.z_1 import ways
 from qmcjax import samplers, scenes
 
@@ -98,7 +99,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "ranked keys over Z, largest count": judged.ratios(at_last, "ranked keys", "Z"),
         "ranked keys over Sobol', all counts": judged.ratios(over_counts, "ranked keys", "Sobol'"),
     }
-    return figure, {"measured": measured, "claims": _claims(errors), "note": note + published_keys.note()}
+    return figure, {"measured": measured, "claims": _claims(errors), "note": note + z_renderings.note()}
 
 
 def _ways(dims: int, side: int, spp: int, keys: range) -> dict[str, list[samplers.Sampler]]:
@@ -109,7 +110,7 @@ def _ways(dims: int, side: int, spp: int, keys: range) -> dict[str, list[sampler
         made = ways(dims, side, spp, key)
         made["ranked keys"] = padded_samplers.ranked_in_orders(pairs, key, key + 1, bits)
         if spp <= heitz.SEQUENCE:
-            made |= published_keys.beside(dims, key)
+            made |= z_renderings.beside(dims, key)
         for name, sampler in made.items():
             found.setdefault(name, []).append(sampler)
     return found | {"Sobol'": found["Sobol'"][:1]}
@@ -159,9 +160,9 @@ def _claims(errors: Errors) -> Claims:
         "Z almost identical to (0,2), at the largest count": alike(_at(errors, max(counts))),
         "Sobol' eventually overtakes (0,2) and Z: it has by the largest count": overtaken("Sobol'"),
         "ranked keys eventually overtake (0,2) and Z: they have by the largest count": (
-            published_keys.judged_by(overtaken)
+            z_renderings.judged_by(overtaken)
         ),
         "ranked keys tend to lead, surpassing Sobol': over the counts, it has the least product of errors": (
-            published_keys.judged_by(leads)
+            z_renderings.judged_by(leads)
         ),
     }

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from figures._rc import VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from qmcjax import orders
 
 BITS = 3

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, SKY
 from figures.shared.sheets.curve_tables import Curve, curve_of
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from qmcjax import orders
 
 SHOWN, CUT, COUNTED = 16, 8, 256

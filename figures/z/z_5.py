@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from figures.z.z_2 import write
 from qmcjax import orders
 

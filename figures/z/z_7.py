@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from figures.z.z_5 import Node, draw_nodes, pi_of
 from qmcjax import orders, samplers
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
-from figures.shared.sheets.curves import name_axes
 from figures.shared.sheets.image_sheets import DPI, add_axes
+from figures.shared.sheets.panels import name_axes
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 

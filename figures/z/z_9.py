@@ -10,9 +10,10 @@ import analysis
 from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import judged
-from figures.shared.rendered import diffusion, published_keys, scene_images
-from figures.shared.rendered.z_renderings import SPP, make_samplers
+from figures.shared.rendered import diffusion, scene_images
 from figures.shared.sheets.image_sheets import magnified, magnified_sheet
+from figures.z import z_renderings
+from figures.z.z_renderings import SPP, make_samplers
 from qmcjax import scenes
 
 CROP = (0.2, 0.6, 0.25)
@@ -68,7 +69,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         f"our scene, {side} x {side} pixels, one key; filtered error: RMS after a Gaussian of 1.5 pixels; "
         "ranked keys: ours, after Heitz et al."
     )
-    note = NOTE.format(side=side, small=small, keys=keys, origin=exact.origin) + published_keys.note()
+    note = NOTE.format(side=side, small=small, keys=keys, origin=exact.origin) + z_renderings.note()
     numbers = {
         "measured": measured
         | {

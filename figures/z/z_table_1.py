@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 import qmcjax as qj
 from figures import plot
-from figures.shared.sheets import text_tables
-from figures.shared.sheets.curves import titled
-from figures.shared.turns import in_turns
+from figures.shared.costs import in_turns
+from figures.shared.sheets.panels import text_table, titled
 from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
@@ -177,7 +176,7 @@ def _draw_table(axes: Axes, images: dict[str, dict[str, float]], size: str) -> N
     groups = [(f"seconds, a soft shadow, {size}", 1, first - 1)]
     for k, (one, other) in enumerate(RATIOS):
         groups.append((f"{one} / {other}", first + 2 * k, first + 2 * k + 1))
-    text_tables.draw(
+    text_table(
         axes,
         ["spp", *(name.removesuffix(" keys") for name in images), *("ours", "paper") * len(RATIOS)],
         rows,

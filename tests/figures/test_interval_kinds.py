@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from figures.shared.integrands import hundred_integrands, interval_kinds
+from figures.shared.integrands import hundred_integrands
 from qmcjax import integrate, sequences
 from qmcjax.integration import _intervals
 
@@ -58,7 +58,7 @@ def test_further_coordinates_do_not_count(values):
 def test_bernstein_intervals_hold_means_and_are_wider_than_betting(chance):
     """Of 1000 coins, 400 times, at 80 %; with the same level as bets."""
     coins = (np.random.default_rng(3).random((1000, 400)) < chance).astype(float)
-    low, high = interval_kinds.bernstein(coins, 0.8)
+    low, high = hundred_integrands.bernstein(coins, 0.8)
     held = np.mean((low <= chance) & (chance <= high))
     assert held >= 0.8
     normal = 2 * 1.2816 * np.sqrt(chance * (1 - chance) / 1000)
@@ -69,8 +69,8 @@ def test_bernstein_intervals_hold_means_and_are_wider_than_betting(chance):
 
 @pytest.mark.slow
 def test_intervals_are_those_of_integrate():
-    found = interval_kinds.measured({"few": (8, 32), "many": (16, 32)}, [5], lambda part: None)
-    assert set(found) == set(interval_kinds.CASES)
+    found = hundred_integrands.measured({"few": (8, 32), "many": (16, 32)}, [5], lambda part: None)
+    assert set(found) == set(hundred_integrands.CASES)
     how = dict(replicates=8, key=5, interval="median")
     made = integrate(hundred_integrands.together, sequences.sobol(8), 32, **how)
     low, high = made.interval(0.95)
@@ -85,7 +85,7 @@ def test_intervals_are_those_of_integrate():
 def test_results_to_a_tolerance_hold_integrals():
     """Few keys: 8 results of each of 9 integrands, and those that reached the tolerance are within it."""
     width = np.full(100, 0.02)
-    found = interval_kinds.stopped("student", width, range(8), 2048, 12)
+    found = hundred_integrands.stopped("student", width, range(8), 2048, 12)
     assert found.held.shape == (8, 9) and set(np.unique(found.n)) <= {1024, 2048}
     assert found.held.mean() >= 0.95 - 5 * np.sqrt(0.95 * 0.05 / 72)
     assert found.reached.any() and (found.within[found.reached]).mean() > 0.85

@@ -11,8 +11,8 @@ import pytest
 from figures import ledger, page
 from figures.catalogue import CATALOGUE, NO_DRAFT, Entry
 from figures.ledger import Claim, _ledger
-from figures.page import _places, _write
-from figures.page._verdicts import VERDICTS
+from figures.page import _html, _write
+from figures.page._ledger import VERDICTS
 
 VOID = {"meta", "link", "img", "input", "br"}
 NASTY = "a < b && c > \"d\" 'e' </script><script>alert(1)</script> ${x} $name \u2028"
@@ -134,7 +134,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
 
 def test_links_between_pages_images_and_names_of_places_hold(folder):
     """All lead somewhere, all pictures say in words what they are, and no place has two names."""
-    pages = {f"{name}.html": Parsed(written(folder, name)) for name in _places.PAGES}
+    pages = {f"{name}.html": Parsed(written(folder, name)) for name in _html.PAGES}
     (folder / "own.csv").touch()
     places = {
         file: [each["id"] for each in parsed.elements if "id" in each] for file, parsed in pages.items()
@@ -151,7 +151,7 @@ def test_links_between_pages_images_and_names_of_places_hold(folder):
                 assert not place or place in places[target] or optional.get(place) == target, link["href"]
             else:
                 assert (folder / target).is_file() or target == "docs/index.html", link["href"]
-        assert {f"{name}.html" for name in _places.PAGES} <= {link["href"] for link in parsed.all("a")}
+        assert {f"{name}.html" for name in _html.PAGES} <= {link["href"] for link in parsed.all("a")}
     pictures = [each for parsed in pages.values() for each in parsed.all("img")]
     assert [each["alt"] for each in pictures] == ["Noise & <spectra>", "Our own"]
     assert {(each["width"], each["height"]) for each in pictures} == {("4", "3")}
@@ -308,11 +308,11 @@ def test_the_sampler_of_least_error_is_picked_with_its_margin(folder):
 def test_what_was_not_made_is_no_failure(folder):
     """The pages say which command makes it, and in which quality if it has no draft."""
     (folder / "numbers.json").write_text("{}")
-    papers = [name for name in CATALOGUE if _places.part_of(name) != "ours"]
+    papers = [name for name in CATALOGUE if _html.part_of(name) != "ours"]
     assert f"0 of {len(papers)} figures of the papers are here." in written(folder, "index", CATALOGUE)
-    for name in _places.PAGES:
+    for name in _html.PAGES:
         assert not Parsed(written(folder, name, CATALOGUE)).all("p", "warning")
-    texts = [written(folder, part, CATALOGUE) for part in _places.PARTS]
+    texts = [written(folder, part, CATALOGUE) for part in _html.PARTS]
     for name in CATALOGUE:
         why = f" --quality paper</code> makes it; a draft would not show it: {NO_DRAFT.get(name)}."
         told = f"qmcjax {name}" + (why if name in NO_DRAFT else "</code> makes it.")
@@ -333,9 +333,9 @@ def test_pages_of_all_figures_are_light(folder, monkeypatch):
     for name in CATALOGUE:
         png(folder / f"{name}.png")
         png(folder / f"{name}.webp")
-    articles = sum(len(Parsed(written(folder, part, CATALOGUE)).all("article")) for part in _places.PARTS)
+    articles = sum(len(Parsed(written(folder, part, CATALOGUE)).all("article")) for part in _html.PARTS)
     assert articles == len(CATALOGUE)
-    sizes = {name: (folder / f"{name}.html").stat().st_size for name in _places.PAGES}
+    sizes = {name: (folder / f"{name}.html").stat().st_size for name in _html.PAGES}
     assert max(sizes.values()) < 150e3, sizes
 
 
@@ -369,7 +369,7 @@ def test_a_moving_picture_is_still_until_it_is_opened(folder):
 
 
 def test_figures_of_the_tour_and_the_slider_exist():
-    assert {step[0] for step in page._tour.STEPS} | {_write.SLIDER, _write.HERO} <= CATALOGUE.keys()
+    assert {step[0] for step in _write.STEPS} | {_write.SLIDER, _write.HERO} <= CATALOGUE.keys()
 
 
 def test_what_a_visitor_copies_runs(folder):

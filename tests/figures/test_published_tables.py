@@ -13,7 +13,7 @@ from figures.__main__ import main
 from figures.catalogue import CATALOGUE
 from figures.making import heitz, store
 from figures.making.fingerprint import fingerprint
-from figures.shared.rendered import published_keys
+from figures.z import z_renderings
 from qmcjax import scenes
 
 ROOT = Path(__file__).parents[2]
@@ -48,9 +48,9 @@ def file(arrays, tmp_path_factory):
 def given(file, monkeypatch):
     """Name the file, as the command line does."""
     monkeypatch.setenv(heitz.SWITCH, str(file))
-    published_keys._tables.cache_clear()
+    z_renderings._tables.cache_clear()
     yield file
-    published_keys._tables.cache_clear()
+    z_renderings._tables.cache_clear()
 
 
 def scalar(arrays, x, y, sample, dimension):
@@ -122,7 +122,7 @@ def test_wrong_files_are_named_by_what_is_wrong(arrays, tmp_path):
 @pytest.mark.slow
 def test_samples_are_those_of_the_published_program(arrays, file):
     """For all samples, dimensions of the first eight and beyond, and the last pixel of the tile."""
-    sampler = published_keys.published(heitz.read(file), 256, 0)
+    sampler = z_renderings.published(heitz.read(file), 256, 0)
     move = np.asarray(sampler.translation)
     dims = (0, 1, 7, 8, 13, 255)
     rng = np.random.default_rng(1)
@@ -137,7 +137,7 @@ def test_samples_are_those_of_the_published_program(arrays, file):
 
 def test_keys_translate_the_tile_and_counts_end_with_the_table(file):
     tables = heitz.read(file)
-    one, other = (published_keys.published(tables, 4, key) for key in (0, 1))
+    one, other = (z_renderings.published(tables, 4, key) for key in (0, 1))
     dx, dy = (int(d) for d in (np.asarray(other.translation) - np.asarray(one.translation)) % 128)
     np.testing.assert_array_equal(other(3, 5, 2, (0, 3)), one(3 + dx, 5 + dy, 2, (0, 3)))
     assert np.any(np.asarray(one(3, 5, 2)) != np.asarray(other(3, 5, 2)))
@@ -146,25 +146,25 @@ def test_keys_translate_the_tile_and_counts_end_with_the_table(file):
     with pytest.raises(ValueError, match=r"spp must be .* 256.*, got 257"):
         qj.render(scenes.product(), one, 16, 16, 257)
     with pytest.raises(ValueError, match=r"dims must be .* 256.*, got 257"):
-        published_keys.published(tables, 257, 0)
+        z_renderings.published(tables, 257, 0)
 
 
 def test_without_a_file_claims_are_about_ranked_keys(monkeypatch):
     monkeypatch.delenv(heitz.SWITCH, raising=False)
-    published_keys._tables.cache_clear()
-    assert published_keys.names() == ("ranked keys",) and published_keys.beside(4, 1) == {}
-    assert published_keys.judged_by(lambda name: name == "ranked keys") is True
-    assert published_keys.judged_by(lambda name: {"a scene": False}) == {"a scene": False}
-    assert published_keys.note() == ""
+    z_renderings._tables.cache_clear()
+    assert z_renderings.names() == ("ranked keys",) and z_renderings.beside(4, 1) == {}
+    assert z_renderings.judged_by(lambda name: name == "ranked keys") is True
+    assert z_renderings.judged_by(lambda name: {"a scene": False}) == {"a scene": False}
+    assert z_renderings.note() == ""
 
 
 def test_with_a_file_claims_are_about_both(given):
-    assert published_keys.beside(4, 1).keys() == {"Heitz et al."}
-    found = published_keys.judged_by(lambda name: name == "ranked keys")
+    assert z_renderings.beside(4, 1).keys() == {"Heitz et al."}
+    found = z_renderings.judged_by(lambda name: name == "ranked keys")
     assert found == {"ranked keys": True, "Heitz et al.": False}
-    found = published_keys.judged_by(lambda name: {"a scene": name != "ranked keys"})
+    found = z_renderings.judged_by(lambda name: {"a scene": name != "ranked keys"})
     assert found == {"a scene, ranked keys": False, "a scene, Heitz et al.": True}
-    assert given.name in published_keys.note()
+    assert given.name in z_renderings.note()
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from figures.__main__ import main
 from figures.making import stbn
 from figures.making.fingerprint import fingerprint
 from figures.ours import space_time
+from figures.ours.space_time import GAP, HEAD, averaged, moving_picture
 from figures.plot import srgb
 from figures.shared.integrands import animations
-from figures.shared.sheets.moving_picture import GAP, HEAD, averaged, moving_picture
 from qmcjax import scenes
 from qmcjax.bridges import write_image
 

@@ -5,10 +5,12 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
+from figures.ours import benchmark, traced_sweep
 from figures.shared.mitsuba_runs import mitsuba_scenes
-from figures.shared.rendered import diffusion, kept_references, scene_images, traced_sweep, z_renderings
-from figures.shared.timing import error_over_time, ray_rates
+from figures.shared.rendered import diffusion, scene_images
+from figures.shared.timing import ray_rates
 from figures.thesis.chapter_6 import motion_blur
+from figures.z import z_renderings
 from qmcjax import samplers, scenes, sequences
 
 NEEDS = ("x", "y", "time", "light_u", "light_v")
@@ -47,7 +49,7 @@ def test_images_of_keys_are_those_of_each(make, keys):
 def test_the_kept_reference_is_the_mean_of_each_pixel():
     """Differences from another estimate are as large as both standard errors say."""
     scene, side = scenes.interior(2), 16
-    kept = kept_references.find(scene, side)
+    kept = diffusion.find_kept(scene, side)
     sobol = sequences.sobol(len(scene.needs))
     images = [
         scene_images.replicate(scene, samplers.independent(sobol, key), side, 8) for key in range(100, 116)
@@ -61,13 +63,13 @@ def test_the_kept_reference_is_the_mean_of_each_pixel():
 
 def test_a_reference_is_kept_for_one_scene_and_for_divisors_of_its_side(monkeypatch):
     scene = scenes.interior(2)
-    kept = kept_references.find(scene, 128)
-    coarse = kept_references.find(scene, 32)
+    kept = diffusion.find_kept(scene, 128)
+    coarse = diffusion.find_kept(scene, 32)
     np.testing.assert_allclose(coarse.image[0, 1], kept.image[:4, 4:8].mean(axis=(0, 1)))
     np.testing.assert_allclose(16 * coarse.error[0, 1] ** 2, np.square(kept.error[:4, 4:8]).mean(axis=(0, 1)))
     assert coarse.spp == 16 * kept.spp
-    assert kept_references.find(scene, 48) is None and kept_references.find(scene, 256) is None
-    assert kept_references.find(scenes.interior(3), 32) is None
+    assert diffusion.find_kept(scene, 48) is None and diffusion.find_kept(scene, 256) is None
+    assert diffusion.find_kept(scenes.interior(3), 32) is None
     np.testing.assert_array_equal(diffusion.reference(scene, 32, coarse.spp).image, coarse.image)
 
     def refused(*_):
@@ -140,9 +142,9 @@ def test_the_time_for_an_error_and_what_is_best():
     """On a power law exactly, also beyond its ends."""
     rows = [{"spp": n, "seconds": 0.1 * n, "rms error": n**-0.5, "sampler": "a"} for n in (4, 16, 64)]
     for error in (1.0, 0.3, 0.125, 0.01):
-        assert error_over_time.time_for(rows, error) == pytest.approx(0.1 * error**-2)
+        assert benchmark.time_for(rows, error) == pytest.approx(0.1 * error**-2)
     slow = {"spp": 16, "seconds": 2.0, "rms error": 0.3, "sampler": "b"}
-    assert [row["spp"] for row in error_over_time.best([slow, *rows], "sampler")] == [4, 16, 64]
+    assert [row["spp"] for row in benchmark.best([slow, *rows], "sampler")] == [4, 16, 64]
 
 
 @pytest.mark.slow

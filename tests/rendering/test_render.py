@@ -13,7 +13,7 @@ from refusals import refused
 from tables import SAMPLERS, SIDE, SPP, first, some
 
 import qmcjax as qj
-from figures.shared.peak_memory import peak_of
+from figures.shared.costs import peak_of
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.rendering import _task
 

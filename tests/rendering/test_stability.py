@@ -2,7 +2,7 @@
 
 import pytest
 
-from figures.shared.precision import point_precision
+from figures.ours import point_precision
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._errors import rms
-from figures.shared.turns import in_turns, median
+from figures.shared.costs import in_turns, median
 from qmcjax import samplers, sequences
 
 CLASSES = ("half-spaces", "balls", "bumps", "products")

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from figures.shared import turns
+from figures.shared import costs
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from qmcjax.bridges import mitsuba as bridge
@@ -164,8 +164,8 @@ def measured(task: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
             name: _call(mitsuba, drjit, name, symbolic, task["side"], task["spp"])
             for name in task["samplers"]
         }
-        taken = turns.in_turns(calls, task["turns"])
-        found[mode] = {name: [of[0].clock, turns.median(of)] for name, of in taken.items()}
+        taken = costs.in_turns(calls, task["turns"])
+        found[mode] = {name: [of[0].clock, costs.median(of)] for name, of in taken.items()}
     return found
 
 

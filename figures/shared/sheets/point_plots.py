@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 from qmcjax.sequences import BinarySequence, Sequence
 
 

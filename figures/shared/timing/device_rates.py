@@ -13,7 +13,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 import qmcjax as qj
-from figures.shared.turns import typical
+from figures.shared.costs import typical
 from qmcjax import orders, samplers, scenes, sequences
 
 FAST = (2**25, 2048, 64)

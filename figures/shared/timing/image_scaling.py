@@ -7,8 +7,7 @@ import numpy as np
 from jax import Array
 from jax.sharding import Mesh
 
-from figures.shared.peak_memory import peak_of
-from figures.shared.turns import Seconds, in_turns, timed
+from figures.shared.costs import Seconds, in_turns, peak_of, timed
 from qmcjax import render, samplers, scenes
 
 SIDES = {"draft": (64, 128), "paper": (64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384)}

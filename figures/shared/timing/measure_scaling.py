@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from figures.shared.peak_memory import peak_of
-from figures.shared.turns import Seconds, timed
+from figures.shared.costs import Seconds, peak_of, timed
 from qmcjax import sequences
 
 Points = NDArray[np.float64]

@@ -13,8 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from figures.shared.peak_memory import peak_of
-from figures.shared.turns import in_turns
+from figures.shared.costs import in_turns, peak_of
 from qmcjax import integrate, sequences
 
 CALLS, COUNTED = 40, 7

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.shared.turns import in_turns, median
+from figures.shared.costs import in_turns, median
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing.search import compiled_world, program

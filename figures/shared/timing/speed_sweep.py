@@ -10,7 +10,7 @@ import numpy as np
 
 import qmcjax as qj
 from figures._errors import rms
-from figures.shared.turns import timed
+from figures.shared.costs import timed
 from qmcjax import scenes
 from qmcjax.choosing import CANDIDATES
 

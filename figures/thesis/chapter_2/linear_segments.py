@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from figures._errors import slope
 from figures.plot import Style
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.curves import curve, legend_below, name_axes
+from figures.shared.sheets.panels import curve, legend_below, name_axes
 from figures.thesis.chapter_2.spline_curves import CORNER, CURVE, FINE, at, draw_curve, pair, table
 from qmcjax.tracing import motion
 

@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.curves import legend_below
+from figures.shared.sheets.panels import legend_below
 from qmcjax.tracing import motion
 
 CORNERS = np.array([[0.3, 0.7], [1.5, 0.7], [1.5, 1.4], [0.3, 1.4]])

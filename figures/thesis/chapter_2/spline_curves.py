@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from figures.shared.sheets.curves import legend_below, name_axes, titled
+from figures.shared.sheets.panels import legend_below, name_axes, titled
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing import motion
 

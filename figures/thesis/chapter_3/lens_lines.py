@@ -12,11 +12,11 @@ from scipy.ndimage import gaussian_filter
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from figures.plot import Style
+from figures.shared.costs import timed
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.curves import curve, curves, name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
-from figures.shared.turns import timed
+from figures.shared.sheets.panels import curve, curves, name_axes
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import DirectLight

@@ -19,8 +19,8 @@ from figures import plot
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, VERMILLION
 from figures.shared.rendered import diffusion, scene_images
-from figures.shared.sheets.curves import name_axes
 from figures.shared.sheets.image_sheets import DPI, GAP, LINE, Panel, add_axes, image_grid
+from figures.shared.sheets.panels import name_axes
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures.shared.sheets.curves import legend_below, titled
+from figures.shared.sheets.panels import legend_below, titled
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import tracing
 from qmcjax.tracing import motion
 

@@ -12,8 +12,8 @@ from figures._rc import BLACK, BLUE
 from figures.plot import Style
 from figures.shared.rendered import scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
 from figures.thesis.chapter_3 import prediction
 from qmcjax import samplers, sequences, tracing
 

@@ -11,8 +11,8 @@ import qmcjax as qj
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.curves import curve, name_axes
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import tracing
 
 COUNT = 8

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures.plot import Style
-from figures.shared.sheets.curves import curve, name_axes, titled
-from figures.shared.turns import timed
+from figures.shared.costs import timed
+from figures.shared.sheets.panels import curve, name_axes, titled
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
 

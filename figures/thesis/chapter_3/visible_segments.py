@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from figures.shared.sheets.curves import name_axes, titled
+from figures.shared.sheets.panels import name_axes, titled
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 

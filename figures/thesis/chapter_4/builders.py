@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared.sheets import text_tables
-from figures.shared.sheets.curves import titled
+from figures.shared.costs import in_turns, median, timed
 from figures.shared.sheets.image_sheets import Panel, image_grid
-from figures.shared.turns import in_turns, median, timed
+from figures.shared.sheets.panels import text_table, titled
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, leaf_depths, traced
 
@@ -252,5 +251,5 @@ def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: 
         ("nodes of primary rays / those of the heuristic", 2 + count, 1 + 2 * count),
         ("Embree", 2 + 2 * count, 2 + 2 * count),
     ]
-    text_tables.draw(figure.subplots(), heads, rows, groups, [2.8, 0.8, *[1.0] * 14, 1.0])
+    text_table(figure.subplots(), heads, rows, groups, [2.8, 0.8, *[1.0] * 14, 1.0])
     return figure

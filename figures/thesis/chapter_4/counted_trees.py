@@ -7,8 +7,7 @@ from math import comb, factorial
 
 from matplotlib.figure import Figure
 
-from figures.shared.sheets import text_tables
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import text_table, titled
 
 LEAVES = tuple(range(1, 10))
 LARGEST = {"draft": 7, "paper": 9}
@@ -72,9 +71,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ("splits of all subsets of leaves", splits),
     ):
         rows.append([name, *(str(of[m]) if m in of else "" for m in LEAVES)])
-    text_tables.draw(
-        figure.subplots(), ["m", *map(str, LEAVES)], rows, (), [3.2, *[0.6] * 4, *[1.0] * 3, 1.2, 1.3]
-    )
+    text_table(figure.subplots(), ["m", *map(str, LEAVES)], rows, (), [3.2, *[0.6] * 4, *[1.0] * 3, 1.2, 1.3])
     note = NOTE.format(largest=largest)
     return figure, {"measured": measured, "printed": printed, "claims": claims, "note": note}
 

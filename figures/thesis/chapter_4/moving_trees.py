@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.curves import curve, legend_below, name_axes, titled
+from figures.shared.sheets.panels import curve, legend_below, name_axes, titled
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Mesh, Rays, helicopter_parts, knots, terrain, traced
 

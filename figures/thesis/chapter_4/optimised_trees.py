@@ -9,9 +9,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared.sheets import text_tables
-from figures.shared.sheets.curves import titled
-from figures.shared.turns import timed
+from figures.shared.costs import timed
+from figures.shared.sheets.panels import text_table, titled
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, bounced, leaf_depths, traced
 
@@ -197,7 +196,7 @@ def _draw_4_2(measured: dict[str, dict[str, Any]]) -> Figure:
         ("thesis, areas in other units", len(measured) + 1, len(heads) - 1),
     ]
     widths = [2.4, *[1.0] * len(measured), *[1.2] * len(PRINTED_4_2)]
-    text_tables.draw(figure.subplots(), heads, rows, groups, widths)
+    text_table(figure.subplots(), heads, rows, groups, widths)
     return figure
 
 
@@ -319,5 +318,5 @@ def _draw_4_3(measured: dict[str, dict[str, Any]]) -> Figure:
         ("mean leaf depth", 6, 9),
         ("nodes of a primary ray", 10, 13),
     ]
-    text_tables.draw(figure.subplots(), heads, rows, groups, [3.0, 1.3, *[1.0] * 12])
+    text_table(figure.subplots(), heads, rows, groups, [3.0, 1.3, *[1.0] * 12])
     return figure

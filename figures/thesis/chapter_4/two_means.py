@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLUE, ORANGE
-from figures.shared.sheets.curves import titled
+from figures.shared.sheets.panels import titled
 
 KEYS = {"draft": 40, "paper": 400}
 """Random pairs of first means."""

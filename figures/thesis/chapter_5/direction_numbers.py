@@ -13,8 +13,8 @@ from figures._errors import rms
 from figures.making.schema import Found
 from figures.shared import judged
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.curves import name_axes
 from figures.shared.sheets.image_sheets import GAP, Panel, add_axes, image_grid
+from figures.shared.sheets.panels import name_axes
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, 16), "paper": (256, 64)}

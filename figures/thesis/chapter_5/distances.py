@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.curves import curve, name_axes, titled
 from figures.shared.sheets.image_sheets import Panel, image_grid
+from figures.shared.sheets.panels import curve, name_axes, titled
 from qmcjax import sequences
 
 PRINTED = {

@@ -13,7 +13,7 @@ import analysis
 from figures import plot
 from figures._errors import residual
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.curves import curve, name_axes, titled
+from figures.shared.sheets.panels import curve, name_axes, titled
 from qmcjax import sequences
 
 NETS_5_5 = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}

@@ -1,19 +1,49 @@
-"""Points in the unit square, and orders of pixels."""
+"""Axes to draw in; points in the unit square, orders of pixels, and power spectra."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from figures.plot._panel import check_texts, panel
+import analysis
+from figures.plot._style import style
 from qmcjax.core import checks
-from qmcjax.core.parameters import known, require
+from qmcjax.core.parameters import known, numbers, require
 from qmcjax.orders import as_order
+
+
+def panel(ax: Axes | None, size: tuple[float, float]) -> Axes:
+    """Return axes: those that are given, or of a new figure of a size in inches, which notebooks show."""
+    if ax is None:
+        # It decides how figures are shown, which is no business of scripts that save them.
+        import matplotlib.pyplot as plt
+
+        return plt.subplots(figsize=size, layout="constrained")[1]
+    if not isinstance(ax, Axes):
+        name = "a Figure, of which it is one of figure.axes" if isinstance(ax, Figure) else repr(ax)
+        raise TypeError(f"ax must be matplotlib Axes, got {name}")
+    return ax
+
+
+def check_texts(**texts: Any) -> None:
+    """Raise a TypeError that names what is no text."""
+    for name, text in texts.items():
+        if not isinstance(text, str):
+            raise TypeError(f"{name} must be a text, got {checks.shown(text)}")
+
+
+def number(name: str, value: Any, low: float = -np.inf, high: float = np.inf) -> float:
+    """Return a real number in [low, high], or raise an error that names it."""
+    given = numbers(name, known(name, value))
+    require(name, given, lambda v: (v >= low) & (v <= high), f"in [{low:g}, {high:g}]")
+    return float(given)
 
 
 def points(
@@ -136,4 +166,66 @@ def order(order: Any, *, title: str = "", ax: Axes | None = None, **style: Any) 
     ax.plot(path[:, 0], path[:, 1], **look)
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[], aspect="equal")
     ax.set_title(title)
+    return ax
+
+
+def spectrum(
+    spectra: ArrayLike | Mapping[str, ArrayLike], *, title: str = "", ax: Axes | None = None
+) -> Axes:
+    """Draw a spectrum with frequency 0 in its middle, or the radial means of several.
+
+    Parameters
+    ----------
+    spectra : float ArrayLike, shape (height, width), or mapping of samplers' names to such
+        In the layout of ``numpy.fft.fft2``, such as from :func:`analysis.error_spectrum` or
+        :func:`analysis.point_spectrum`: white noise has 1. One is drawn as an image, in which 0 is black and
+        3 or more white; of several, the mean power over frequency.
+    title : str, optional
+    ax : Axes, optional
+        Where to draw; by default a new figure.
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    TypeError
+        If ``ax`` is no Axes.
+    ValueError
+        If a spectrum has another shape.
+
+    Examples
+    --------
+    >>> rng = np.random.default_rng(1)
+    >>> noise = analysis.error_spectrum(rng.random((32, 32)), np.zeros((32, 32)))
+    >>> ax = spectrum({"random": noise, "mine": noise})
+    >>> print(ax.get_xlabel(), "|", ax.get_ylabel())
+    cycles per pixel | power (white noise: 1)
+    """
+    check_texts(title=title)
+    if not isinstance(spectra, Mapping):
+        power = numbers("spectra", known("spectra", spectra), (None, None))
+        ax = panel(ax, (3.4, 3.4))
+        ax.imshow(
+            np.fft.fftshift(power),
+            cmap="gray",
+            vmin=0,
+            vmax=3,
+            interpolation="nearest",
+            extent=(-0.5, 0.5, 0.5, -0.5),
+        )
+        ax.set(xticks=[-0.5, 0, 0.5], yticks=[-0.5, 0, 0.5], xlabel="cycles per pixel", title=title)
+        return ax
+    ax = panel(ax, (4.8, 3.2))
+    for name, of in spectra.items():
+        power = numbers(f"spectra[{name!r}]", known("spectra", of), (None, None))
+        frequency, mean = analysis.radial_average(power)
+        drawn = style(name, spectra)
+        ax.plot(frequency / max(np.shape(of)), mean, drawn.line, color=drawn.color, lw=1.2, label=name)
+    ax.axhline(1, color="0.6", lw=0.8, zorder=0)
+    ax.set(
+        xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel="power (white noise: 1)", title=title
+    )
+    ax.legend(frameon=False)
     return ax

@@ -9,10 +9,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from figures._errors import rms
+from figures.shared.costs import timed
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rendered import diffusion
 from figures.shared.timing import speed_sweep
-from figures.shared.turns import timed
 from qmcjax import samplers, scenes
 from qmcjax.core.pytrees import jit
 

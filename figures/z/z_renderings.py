@@ -1,4 +1,4 @@
-"""The sampler of Heitz et al. by their own tables, where a user has named them, beside our ranked keys."""
+"""The samplers that the Z paper compares on rendered scenes; Heitz et al.'s own tables, if named."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,8 @@ from jax.typing import DTypeLike
 
 from figures.making import heitz
 from figures.making.schema import Found
-from qmcjax import samplers
+from figures.shared.rendered import padded_samplers
+from qmcjax import samplers, sequences
 from qmcjax.core import checks
 from qmcjax.core.pytrees import pytree
 
@@ -119,3 +120,42 @@ def note() -> str:
         f"{PUBLISHED}: the published tables of {file.name}, bytes for points and at most 256 samples of a "
         "pixel; the key of an image translates the tile of 128 x 128 pixels. "
     )
+
+
+KEY, SPP = 5, 4
+
+EFFECTS = {
+    "sports": "motion blur",
+    "defocus": "depth of field",
+    "interior": "paths",
+    "caustic": "bidirectional paths",
+}
+"""What the scenes of Fig. 10 and 11 are for."""
+
+
+def constituents(needs: tuple[str, ...]) -> tuple[int, ...]:
+    """Return the sizes of what belongs together: x and y, and all u and v; other coordinates are single."""
+    sizes = []
+    for name in needs:
+        if name == "y" or name.endswith("_v"):
+            sizes[-1] = 2
+        else:
+            sizes.append(1)
+    return tuple(sizes)
+
+
+def make_samplers(
+    needs: tuple[str, ...], side: int, spp: int = SPP, key: int = KEY
+) -> dict[str, samplers.Sampler]:
+    """Return the samplers for a square image of a scene with these coordinates.
+
+    They are the paper's four, with our ranked keys for those of Heitz et al., and these if they are there.
+    """
+    sizes, bits = constituents(needs), spp.bit_length() - 1
+    made = {
+        "(0,2)-sequence": padded_samplers.zero_two(sizes, key, key + 1, bits),
+        "Sobol'": samplers.full_screen(sequences.sobol(len(needs)), side, side),
+        "ranked keys": padded_samplers.ranked_in_orders(sizes, key, key + 1, bits),
+        "Z": samplers.z(side, side, spp, key, constituents=sizes),
+    }
+    return made | beside(len(needs), key)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures._cpp import compiled
 from figures._errors import rms
-from figures.shared import turns
+from figures.shared import costs
 from qmcjax import orders, samplers, scenes, sequences
 
 SIZES = {"draft": (128, (4, 16), 2), "paper": (512, (4, 16, 64, 256), 7)}
@@ -114,7 +114,7 @@ def timed(render: Render) -> Callable[[int], tuple[float, NDArray[np.float32]]]:
     def run(key: int) -> tuple[float, NDArray[np.float32]]:
         if key > 0:
             render(-key % 2**32)
-        image, seconds = turns.timed(render, key)
+        image, seconds = costs.timed(render, key)
         return seconds.clock, image
 
     return run

@@ -1,8 +1,12 @@
-"""Seconds of calls: those to compare take turns, so that noise hits all, and the first turn compiles."""
+"""What calls cost: seconds, of those to compare in turns, so that noise hits all, and memory."""
 
+import contextlib
+import ctypes
 import statistics
+import sys
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -58,3 +62,32 @@ def in_turns(
 def median(taken: list[Seconds]) -> float:
     """Return the median by the clock, without the first."""
     return float(np.median([seconds.clock for seconds in taken[1:]]))
+
+
+def peak_of(call: Callable[[Any], Any], points: Any) -> int | None:
+    """Return by how many bytes a call raises the memory in use at most, on Linux, else None."""
+    if sys.platform != "linux":
+        return None
+    # What earlier calls freed goes back to the system, and the peak so far is forgotten.
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # glibc has it
+    if trim is not None:
+        trim(0)
+    Path("/proc/self/clear_refs").write_text("5")
+    before = _status("VmRSS")
+    jax.block_until_ready(call(points))
+    return _status("VmHWM") - before
+
+
+def largest() -> int:
+    """Return the most memory that this process had, in bytes."""
+    with contextlib.suppress(OSError):
+        return _status("VmHWM")
+    import resource
+
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else most * 1024
+
+
+def _status(key: str) -> int:
+    status = Path("/proc/self/status").read_text()
+    return int(status.split(f"{key}:")[1].split()[0]) * 1024

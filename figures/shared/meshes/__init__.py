@@ -1,1 +1,0 @@
-"""Triangle meshes, and rays through trees over them."""

@@ -32,7 +32,9 @@ def array(name: str, value: Any, wanted: str) -> NDArray[Any]:
     return given
 
 
-def shaped(name: str, given: Any, least: int = 1, most_dims: int | None = None, least_dims: int = 1) -> Any:
+def validate_shape(
+    name: str, given: Any, least: int = 1, most_dims: int | None = None, least_dims: int = 1
+) -> Any:
     """Return points, traced or not; raise a ValueError unless their number and dimensions are allowed."""
     if given.ndim != 2 or given.shape[0] < least or not least_dims <= given.shape[1]:
         at_least = f"n >= {least} and d >= {least_dims}"
@@ -67,7 +69,7 @@ def points(
         raise TypeError(f"{name} must be {wanted}, got {given.dtype} {given.shape}")
     if vector and given.ndim == 1:
         given = given[:, None]
-    shaped(name, given, least, most_dims, least_dims)
+    validate_shape(name, given, least, most_dims, least_dims)
     if not isinstance(given, Tracer) and given.dtype.kind == "f":
         outside = ~((given >= 0) & (given < 1))
         if outside.any():

@@ -21,7 +21,7 @@ Attained = tuple[float | Floats, NDArray[np.integer], Floats]
 respect to their coordinates, S + (m, d)."""
 
 
-def called_back(
+def call_back(
     value: Callable[[NDArray], Any],
     attained: Callable[[NDArray], Attained],
     points: Array,
@@ -53,7 +53,7 @@ def called_back(
     return measure(points)
 
 
-def counted(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any:
+def call_back_count(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any:
     """Return integers of a traced array that NumPy counts; they have no derivative."""
     return _call(function, outline, jax.lax.stop_gradient(given))
 

@@ -1,6 +1,8 @@
 """Loops compiled by Numba if it is installed, else run by Python."""
 
+import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 from importlib.util import find_spec
 from typing import Any
@@ -26,7 +28,14 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(**options)(function)
 
 
-def _fused() -> Callable[..., float]:
+def threads() -> ThreadPoolExecutor:
+    """Return threads, one for each core that the process may use."""
+    return ThreadPoolExecutor(
+        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    )
+
+
+def _multiply_add() -> Callable[..., float]:
     """Return a function for a b + c, rounded once: one instruction of most processors, else a call of C."""
     if not COMPILED:
         return lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c))
@@ -34,10 +43,10 @@ def _fused() -> Callable[..., float]:
     from numba.extending import intrinsic  # pyright: ignore[reportMissingImports]
 
     @intrinsic
-    def fused(types: Any, a: Any, b: Any, c: Any) -> Any:
+    def multiply_add(types: Any, a: Any, b: Any, c: Any) -> Any:
         return float64(float64, float64, float64), lambda _, builder, __, numbers: builder.fma(*numbers)
 
-    return fused
+    return multiply_add
 
 
-fused = _fused()
+multiply_add = _multiply_add()

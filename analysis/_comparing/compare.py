@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis._comparing.comparison import Comparison, ComparisonRow
-from analysis._comparing.convergence import check_named, checked_spps, timed
-from analysis._comparing.promises import broken_promises, said
+from analysis._comparing.convergence import time_render, validate_named, validate_spps
+from analysis._comparing.promises import broken_promises, error_line
 from analysis._distances.distance import min_distance, packing_distance
 from analysis._star.star_discrepancy import star_discrepancy
 from analysis._structure.nets import t_value
@@ -83,9 +83,9 @@ def compare(
         # Below, there are no low frequencies.
         checks.integer(name, size, 32, 2**16)
     keys = checks.integer("keys", keys, 1, 2**16)
-    spps = checked_spps(spps)
-    check_named("samplers", samplers)
-    check_named("scenes", scenes)
+    spps = validate_spps(spps)
+    validate_named("samplers", samplers)
+    validate_named("scenes", scenes)
     checks.progress(progress)
     worlds = {name: as_scene(f"scenes[{name!r}]", scene) for name, scene in scenes.items()}
     for name, scene in worlds.items():
@@ -107,7 +107,7 @@ def compare(
             sampler = maker(spp, 0)
             sampler.check(width, height, spp)
         except Exception as error:
-            left_out[scene, name, spp] = said(error)
+            left_out[scene, name, spp] = error_line(error)
         else:
             try:
                 if sampler.dims < needed:
@@ -119,7 +119,7 @@ def compare(
             except Exception as error:
                 if str(error).startswith("scene must"):
                     raise
-                left_out[scene, name, spp] = why = said(error)
+                left_out[scene, name, spp] = why = error_line(error)
                 promises[name] = promises[name] or [f"rendering {scene} with {spp} samples fails: {why}"]
         if progress is not None:
             progress(done / len(plan))
@@ -152,7 +152,7 @@ class Maker:
             try:
                 made = made(**{parameter: given[parameter] for parameter in self._parameters})
             except Exception as error:
-                raise ValueError(said(error)) from error
+                raise ValueError(error_line(error)) from error
         return as_sampler(f"samplers[{self.name!r}]", made)
 
     def broken(self, spp: int) -> list[str]:
@@ -168,7 +168,7 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
     sampler = maker(spp, 0)
     first = np.asarray(render(scene, sampler, width, height, spp))
     # The same object: another one may compile anew.
-    seconds = [timed(scene, sampler, width, height, spp)[0] for _ in range(_TIMED)]
+    seconds = [time_render(scene, sampler, width, height, spp)[0] for _ in range(_TIMED)]
     others = (np.asarray(render(scene, maker(spp, key), width, height, spp)) for key in range(1, maker.keys))
     images = itertools.chain([first], others)
     return ComparisonRow.of_images(name, maker.name, spp, images, reference, statistics.median(seconds))

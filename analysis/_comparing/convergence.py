@@ -96,8 +96,8 @@ def convergence(
     scene = as_scene("scene", scene)
     width, height = checks.image_size(width, height)
     repeats = checks.integer("repeats", repeats, 1, 2**16)
-    wanted = checked_spps(spps)
-    check_named("samplers", samplers)
+    wanted = validate_spps(spps)
+    validate_named("samplers", samplers)
     checks.progress(progress)
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
@@ -118,13 +118,13 @@ def convergence(
     rest = [planned for planned in plan if planned[:2] not in finished]
     while rest:
         # Processes of a mesh render images of similar cost at the same time, so that none waits.
-        rest.sort(key=lambda planned: _expected(rows, *planned[:2]))
+        rest.sort(key=lambda planned: _expected_seconds(rows, *planned[:2]))
         at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
         measured = np.zeros(2 + len(regions))
         if process < len(at_once):
             _, spp, sampler = at_once[process]
-            measured[0], image = timed(scene, sampler, width, height, spp, own)
-            repeated = [timed(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
+            measured[0], image = time_render(scene, sampler, width, height, spp, own)
+            repeated = [time_render(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
             measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
         told = devices.told(measured.view(np.uint32), mesh).view(np.float64).tolist()
         for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
@@ -136,7 +136,7 @@ def convergence(
     return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
 
 
-def checked_spps(spps: Any) -> list[int]:
+def validate_spps(spps: Any) -> list[int]:
     """Return numbers of samples per pixel; raise unless they are different and at least one."""
     try:
         given = list(spps)
@@ -148,7 +148,7 @@ def checked_spps(spps: Any) -> list[int]:
     return given
 
 
-def check_named(kind: str, given: Any, what: str | None = None) -> None:
+def validate_named(kind: str, given: Any, what: str | None = None) -> None:
     """Raise unless names are mapped to something, such as samplers."""
     if not isinstance(given, Mapping):
         raise TypeError(f"{kind} must map names to {what or kind}, got {checks.shown(given)}")
@@ -168,7 +168,9 @@ def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray
             )
         given = scene.reference(width, height)
     if not isinstance(given, tuple | list) or len(given) != 2:
-        raise TypeError(f"{name} must be a pair of an image and a bound on its errors, got {_kind(given)}")
+        raise TypeError(
+            f"{name} must be a pair of an image and a bound on its errors, got {_describe(given)}"
+        )
     image = _arguments.array(f"{name}[0]", given[0], "an image").astype(np.float64)
     bound = _arguments.array(f"{name}[1]", given[1], "a bound on the image's errors").astype(np.float64)
     if image.shape not in ((height, width), (height, width, 3)):
@@ -176,17 +178,19 @@ def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray
         raise ValueError(f"{name}[0] must have shape {shapes}, got {image.shape}")
     _arguments.check_finite(f"{name}[0]", image)
     if bound.size == 0 or not (np.isfinite(bound) & (bound >= 0)).all():
-        raise ValueError(f"{name}[1] must be bounds that are finite and at least 0, got {_kind(given[1])}")
+        raise ValueError(
+            f"{name}[1] must be bounds that are finite and at least 0, got {_describe(given[1])}"
+        )
     return image, float(bound.max())
 
 
-def _kind(value: Any) -> str:
+def _describe(value: Any) -> str:
     return f"{len(value)} values" if isinstance(value, tuple | list) else checks.shown(value)
 
 
 def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
     """Raise a ValueError unless there are regions and each selects pixels, without making an image."""
-    check_named("regions", regions, "indices of numpy")
+    validate_named("regions", regions, "indices of numpy")
     pixels = np.broadcast_to(np.bool_(True), (height, width))
     for name, region in regions.items():
         try:
@@ -204,13 +208,13 @@ def _sampler(name: str, made: Any, spp: int) -> Any:
     return as_sampler(f"samplers[{name!r}]", made)
 
 
-def _expected(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
+def _expected_seconds(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
     """Return the expected seconds of an image, from the last one of the same sampler; 0 if there is none."""
     last = next((row for row in reversed(rows) if row.sampler == sampler), None)
     return 0.0 if last is None else last.seconds * spp / last.spp
 
 
-def timed(
+def time_render(
     scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None = None
 ) -> tuple[float, Array]:
     """Render, and return the seconds that it took, and the image."""

@@ -77,70 +77,72 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
-    return list(_broken(sampler, width, height, spp))
+    return list(_find_broken(sampler, width, height, spp))
 
 
-def _broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str]:
+def _find_broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str]:
     try:
         sampler.check(width, height, spp)
     except Exception as error:  # Whatever a user's code raises is what the user has to know.
-        yield f"it refuses {width} x {height} pixels with {spp} samples: {said(error)}"
+        yield f"it refuses {width} x {height} pixels with {spp} samples: {error_line(error)}"
         return
     dims = tuple(range(sampler.dims))
     y, x, sample = np.indices((min(height, _SIDE), min(width, _SIDE), min(spp, _SAMPLES)), np.uint32)
 
-    def asked(
+    def points_at(
         x: Any, y: Any, sample: Any, dims: Any = dims, sampler: Any = sampler, dtype: Any = jnp.float32
     ) -> Array:
         return sampler(x, y, sample, dims, dtype)
 
-    points, why = _tried(lambda: asked(x, y, sample))
+    points, why = _try(lambda: points_at(x, y, sample))
     if points is None:
         yield f"a call with arrays of pixels and samples fails: {why}"
         return
     yield from _range(points)
     finite = np.isfinite(points).all()
-    again = list(_same(points, "a second call", lambda: asked(x, y, sample)))
+    again = list(_same(points, "a second call", lambda: points_at(x, y, sample)))
     if again:
         # All other comparisons would differ, too.
         yield from again
         return
     # As render does it: the arrays of a pytree are arguments of the program.
-    compiled = jax.jit(lambda sampler, x, y, sample: asked(x, y, sample, sampler=sampler))
+    compiled = jax.jit(lambda sampler, x, y, sample: points_at(x, y, sample, sampler=sampler))
     yield from _same(points, "jax.jit", lambda: compiled(sampler, x, y, sample))
     last = tuple(n - 1 for n in points.shape[:3])
     some = {(0, 0, 0), last, tuple(n // 2 for n in last)}
     for row, column, number in sorted(some):
         one = points[row, column, number]
         what = f"one sample, {number} of pixel ({column}, {row}),"
-        yield from _same(one, what, lambda r=row, c=column, n=number: asked(c, r, n))
+        yield from _same(one, what, lambda r=row, c=column, n=number: points_at(c, r, n))
     turned = dims[::-1]
     if len(dims) > 1:
-        yield from _same(points[..., turned], f"coordinates {turned}", lambda: asked(x, y, sample, turned))
+        yield from _same(
+            points[..., turned], f"coordinates {turned}", lambda: points_at(x, y, sample, turned)
+        )
         for j in sorted({*dims[:: -(-len(dims) // _ALONE)], dims[-1]}):
             alone = f"coordinate {j} alone"
-            yield from _same(points[..., j : j + 1], alone, lambda j=j: asked(x, y, sample, (j,)))
-    yield from _same(points, "dtype=float64", lambda: asked(x, y, sample, dtype=jnp.float64))
+            yield from _same(points[..., j : j + 1], alone, lambda j=j: points_at(x, y, sample, (j,)))
+    yield from _same(points, "dtype=float64", lambda: points_at(x, y, sample, dtype=jnp.float64))
     if finite:
         yield from _repeats(points)
         yield from _uniform(points)
 
 
-def _tried(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
+def _try(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
     try:
         return np.asarray(call()), ""
     except Exception as error:  # The user needs to see whatever the code of the sampler raises.
-        return None, said(error)
+        return None, error_line(error)
 
 
-def said(error: Exception) -> str:
+def error_line(error: Exception) -> str:
     """Return one line on what user code raised: for errors of the kinds of this package, the text alone."""
     text = next(iter(str(error).splitlines()), "")
     return text if type(error) is ValueError else f"{type(error).__name__}: {text}"
 
 
 def _same(points: NDArray, what: str, call: Callable[[], Any]) -> Iterator[str]:
-    others, why = _tried(call)
+    others, why = _try(call)
     if others is None:
         yield f"{what} fails: {why}"
     elif others.shape != points.shape or not np.allclose(

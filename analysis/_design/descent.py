@@ -66,19 +66,19 @@ def descend(
         state, losses = lax.scan(one, state, first + jnp.arange(TOGETHER, dtype=jnp.int32))
         return state, jnp.mean(losses)
 
-    def settled(state: Any) -> Any:
+    def settle_state(state: Any) -> Any:
         parameters, *moments = jax.tree.leaves(state)
         moved, _ = ravel_pytree(settle(shaped(parameters)))
         return jax.tree.unflatten(jax.tree.structure(state), [moved, *moments])
 
-    state, losses = settled(begin(flat)), []
+    state, losses = settle_state(begin(flat)), []
     if saved is not None and len(saved.state.get("losses", [])):
         losses = list(saved.state["losses"])
         leaves = [jnp.asarray(saved.state[f"state_{k}"]) for k in range(3)]
         state = jax.tree.unflatten(jax.tree.structure(state), leaves)
     for chunk in range(len(losses), chunks):
         state, mean = some(state, jnp.int32(chunk * TOGETHER))
-        state = settled(state)
+        state = settle_state(state)
         if not np.isfinite(mean):
             raise ValueError(f"loss must stay finite, got {mean} before step {(chunk + 1) * TOGETHER}")
         losses.append(float(mean))

@@ -148,18 +148,18 @@ def design_samples(
     weights = autocorrelation(shape[:3], filters)
     counts = [shape[3] >> k for k in range(prefixes)]
     if isinstance(integrands, list | tuple):
-        known = images.rendered(integrands, shape)
+        known = images.render_integrands(integrands, shape)
 
         def square(points: Array, step: Array) -> Array:
             width = _WIDE * (_NARROW / _WIDE) ** (step / (chunks * TOGETHER)).astype(points.dtype)
             keys = draws.split(jax.random.fold_in(key, -1 - step), len(known))
-            soft = [images.blurred(one, at, width) for one, at in zip(known, keys, strict=True)]
+            soft = [images.blur(one, at, width) for one, at in zip(known, keys, strict=True)]
             return images.mean_square(points, soft, weights)
 
     else:
         nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)
         classes = tuple(
-            (_averaged(of, nodes), share) for of, share in classes_of(integrands, nodes, shape[4])
+            (_average_potential(of, nodes), share) for of, share in classes_of(integrands, nodes, shape[4])
         )
         near, paired = offsets(weights, _LEAST)
 
@@ -170,7 +170,7 @@ def design_samples(
         if not of_scenes:
             # A rotation by a quarter changes no distances.
             angles = jnp.asarray(_TURNS[: dims // 2], points.dtype) * step.astype(points.dtype) % 1 / 4
-            points = turned(points, angles)
+            points = turn(points, angles)
         parts = [count * square(points[:, :, :, :count], step) for count in counts]
         return sum(parts[1:], parts[0]) / (prefixes * shape[3])
 
@@ -210,7 +210,7 @@ def _of_class(shape: tuple[int, ...], key: Array) -> Array:
     return jnp.stack(of_frames, axis=2)
 
 
-def _averaged(of: IntegrandClass, nodes: Array) -> IntegrandClass:
+def _average_potential(of: IntegrandClass, nodes: Array) -> IntegrandClass:
     """Return a class with the potential averaged over nodes."""
 
     def potential(x: Array) -> Array:
@@ -219,7 +219,7 @@ def _averaged(of: IntegrandClass, nodes: Array) -> IntegrandClass:
     return of._replace(potential=potential)
 
 
-def turned(points: Array, turns: Array) -> Array:
+def turn(points: Array, turns: Array) -> Array:
     """Return points (..., d) with pairs of coordinates turned, by turns of shape (d / 2,)."""
     pairs = points.reshape(*points.shape[:-1], -1, 2)
     radius, place = to_outlines(pairs)

@@ -96,10 +96,12 @@ def expected_error(
     >>> print(f"{expected_error(centres):.4f}")
     0.2342
     """
-    given, shape = tile_of(points)
+    given, shape = as_tile(points)
     weights = autocorrelation(shape[:3], filters)
     if isinstance(integrands, list | tuple):
-        square = partial(images.mean_square, images=images.rendered(integrands, shape), weights=weights)
+        square = partial(
+            images.mean_square, images=images.render_integrands(integrands, shape), weights=weights
+        )
     else:
         pairs, classes = offsets(weights, _LEAST), classes_of(integrands, given, shape[-1])
         square = partial(mean_square, offsets=pairs[0], weights=pairs[1], classes=classes)
@@ -136,7 +138,7 @@ def _in_float64(square: Callable[[Array], Array]) -> Callable[[Array], Array]:
     return rounded
 
 
-def tile_of(points: Any) -> tuple[Any, tuple[int, ...]]:
+def as_tile(points: Any) -> tuple[Any, tuple[int, ...]]:
     """Return all points as a set, shape (n, d), and their shape (height, width, frames, spp, d)."""
     array = points if isinstance(points, Tracer) else _arguments.array("points", points, "an array of floats")
     if array.ndim not in (4, 5) or array.size == 0:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._spectra.transfers import SPACE, TIME, checked, transfer
+from analysis._spectra.transfers import SPACE, TIME, transfer, validate_filter
 from qmcjax.core import checks
 
 
@@ -44,8 +44,8 @@ def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]
         raise ValueError(f"filters must have a positive sum of weights, got {weights}")
     total: Any = 0.0
     for one, weight in zip(known, weights, strict=True):
-        space = transfer(shape[:2], checked("filters.space", one.space, SPACE))
-        time = transfer(shape[2:], checked("filters.time", one.time, TIME))
+        space = transfer(shape[:2], validate_filter("filters.space", one.space, SPACE))
+        time = transfer(shape[2:], validate_filter("filters.time", one.time, TIME))
         pairs = [np.fft.ifftn(np.square(np.abs(part))).real for part in (space, time)]
         total = total + weight / sum(weights) * pairs[0][:, :, None] * pairs[1]
     return total

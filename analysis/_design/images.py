@@ -39,7 +39,7 @@ def is_scene(integrand: Any) -> bool:
     return hasattr(integrand, "needs")
 
 
-def rendered(integrands: Any, shape: tuple[int, ...]) -> tuple[Rendered, ...]:
+def render_integrands(integrands: Any, shape: tuple[int, ...]) -> tuple[Rendered, ...]:
     """Return integrands of a list with their exact means, for points of a shape."""
     wanted = "scenes and functions from points (..., d) to values (...)"
     if not integrands:
@@ -105,7 +105,7 @@ def mean_square(points: Array, images: Sequence[Rendered], weights: NDArray[np.f
     return total / len(images)
 
 
-def blurred(image: Rendered, key: Array, width: Array) -> Rendered:
+def blur(image: Rendered, key: Array, width: Array) -> Rendered:
     """Return an image with the derivatives of its blur: a Gaussian of this width in each point's coordinates.
 
     The derivative of a function with jumps is zero almost everywhere; that of its blur is the mean of its

@@ -107,10 +107,10 @@ def minimize(
     noise = _arguments.real("noise", noise, f"in [0, {_LONGEST:g}]", lambda size: 0 <= size <= _LONGEST)
     checks.progress(progress)
     project = (lambda free: free) if project is None else project
-    like = _returned("loss", "a function of parameters and a key", loss, start, key)
+    like = _result_shape("loss", "a function of parameters and a key", loss, start, key)
     if getattr(like, "shape", None) != () or not jnp.issubdtype(like.dtype, jnp.floating):
         raise ValueError(f"loss must return a floating point scalar, got {like}")
-    allowed = _returned("project", "a function of parameters", project, start)
+    allowed = _result_shape("project", "a function of parameters", project, start)
     if allowed != jax.eval_shape(lambda free: free, start):
         raise ValueError(f"project must return parameters of the same shapes and dtypes, got {allowed}")
     saved = None
@@ -131,7 +131,7 @@ def minimize(
     return Minimized(jax.tree.map(np.asarray, found), losses)
 
 
-def _returned(name: str, wanted: str, function: Any, *arguments: Any) -> Any:
+def _result_shape(name: str, wanted: str, function: Any, *arguments: Any) -> Any:
     """Return the shapes and dtypes of what a function returns."""
     if not callable(function) or isinstance(function, type):
         raise TypeError(f"{name} must be {wanted}, got {checks.shown(function)}")

@@ -16,8 +16,6 @@ centres to the nearest point. None can exceed the dispersion, wherever the centr
 
 import itertools
 import math
-import os
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from jax.core import Tracer
@@ -26,7 +24,8 @@ from scipy.optimize import nnls
 from scipy.spatial import Delaunay, KDTree
 
 from analysis import _arguments
-from analysis._callbacks import Attained, called_back
+from analysis._callbacks import Attained, call_back
+from analysis._loops import threads
 from qmcjax.core import checks
 
 _ROUNDING = 2.0**-36
@@ -88,7 +87,7 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     given = _arguments.points(points, most_dims=3, traced=True)
     torus = checks.flag("torus", torus)
     if isinstance(given, Tracer):
-        return called_back(
+        return call_back(
             lambda known: dispersion(known, torus),
             lambda known: _attained(known.astype(np.float64), torus),
             given,
@@ -154,8 +153,7 @@ def _ball(array: Floats, torus: bool) -> tuple[float, Floats]:
         low = np.array(block) / side
         return _largest_ball(np.unique(local, axis=0), low, low + 1 / side, margin, torus)
 
-    threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(threads) as pool:
+    with threads() as pool:
         return max(pool.map(block_ball, np.ndindex((side,) * dims)), key=lambda ball: ball[0])
 
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
 from analysis import _arguments
-from analysis._callbacks import Attained, called_back
+from analysis._callbacks import Attained, call_back
 from analysis._distances.closest_pair import closest_pair
 from qmcjax.core import checks
 
@@ -67,11 +67,11 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
     >>> print(round(min_distance([[0.0, 0.0], [0.75, 0.0]]), 9))
     0.25
     """
-    array, torus, shear = checked_tiling(points, torus, shear)
+    array, torus, shear = validate_tiling(points, torus, shear)
     if isinstance(array, Tracer):
-        return called_back(
+        return call_back(
             lambda known: min_distance(known, torus, shear),
-            lambda known: _attained(checked_tiling(known, torus, shear)[0], torus, shear),
+            lambda known: _attained(validate_tiling(known, torus, shear)[0], torus, shear),
             array,
             (),
             2,
@@ -158,10 +158,10 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     outside = ~((given >= 0) & (given < side))
     if outside.any():
         raise ValueError(f"points must be in [0, {side}), got {given[outside][0]!r}")
-    array = _arguments.shaped("points", given, least=2).astype(np.int64)
+    array = _arguments.validate_shape("points", given, least=2).astype(np.int64)
     torus = checks.flag("torus", torus)
     shear = checks.integer("shear", shear, -side, side)
-    _check_tiling(array.shape[1], torus, shear)
+    _validate_shear(array.shape[1], torus, shear)
     found = _sorted_closest_pair(array.astype(np.float64), side, torus, shear)
     if found is not None and found[0] < _INTEGERS:
         return int(found[0])
@@ -177,13 +177,13 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     return int((delta * delta).sum(axis=1).min())
 
 
-def checked_tiling(points: Any, torus: Any, shear: Any) -> tuple[Any, bool, float]:
+def validate_tiling(points: Any, torus: Any, shear: Any) -> tuple[Any, bool, float]:
     """Return points as float64 or traced, torus and shear in [-1/2, 1/2]; raise unless they fit together."""
     array = _arguments.points(points, least=2, traced=True)
     array = array if isinstance(array, Tracer) else array.astype(np.float64, copy=False)
     torus = checks.flag("torus", torus)
     shear = _arguments.real("shear", shear, "a finite number", math.isfinite)
-    _check_tiling(array.shape[1], torus, shear)
+    _validate_shear(array.shape[1], torus, shear)
     return array, torus, math.remainder(shear, 1.0)  # exact
 
 
@@ -225,7 +225,7 @@ def _sorted_closest_pair(
     return closest_pair(columns, bound)
 
 
-def _check_tiling(dims: int, torus: bool, shear: float) -> None:
+def _validate_shear(dims: int, torus: bool, shear: float) -> None:
     if shear != 0 and (dims != 2 or not torus):
         raise ValueError(
             f"shear must be 0 unless points are two-dimensional and torus is true, "

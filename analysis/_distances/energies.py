@@ -54,7 +54,7 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     >>> print(riesz_energy(jnp.array([[0.0], [0.5], [0.75]])))
     10.0
     """
-    given, torus = _checked(points, torus)
+    given, torus = _validate(points, torus)
     exponent = _arguments.real("exponent", exponent, "finite and at least 0", lambda s: 0 <= s < np.inf)
     with checks.precision(given.dtype):
         scale = jnp.asarray(exponent, given.dtype)
@@ -88,14 +88,14 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
     >>> print(soft_min_distance(jnp.array([[0.0], [0.5]]), exponent=2.0))
     0.5
     """
-    given, torus = _checked(points, torus)
+    given, torus = _validate(points, torus)
     exponent = _arguments.real("exponent", exponent, "finite and positive", lambda s: _LEAST <= s < np.inf)
     with checks.precision(given.dtype):
         scale = jnp.asarray(exponent, given.dtype)
         return jnp.exp(-_measured(jnp.asarray(given), scale, _LOG_OF_POWERS, torus) / scale)
 
 
-def _checked(points: Any, torus: Any) -> tuple[Any, bool]:
+def _validate(points: Any, torus: Any) -> tuple[Any, bool]:
     given = _arguments.points(points, least=2, traced=True, dtypes=(np.float32, np.float64))
     return given, checks.flag("torus", torus)
 

@@ -13,8 +13,8 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import Attained, called_back
-from analysis._distances.distance import checked_tiling, directions, packing_distance, tree, unfold
+from analysis._callbacks import Attained, call_back
+from analysis._distances.distance import directions, packing_distance, tree, unfold, validate_tiling
 
 
 @jax.tree_util.register_dataclass
@@ -66,11 +66,11 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
     >>> print(nearest_distances([[0.0, 0.0], [0.75, 0.0], [0.5, 0.5]]))
     [0.25       0.25       0.55901699]
     """
-    array, torus, shear = checked_tiling(points, torus, shear)
+    array, torus, shear = validate_tiling(points, torus, shear)
     if isinstance(array, Tracer):
-        return called_back(
+        return call_back(
             lambda known: nearest_distances(known, torus, shear),
-            lambda known: _attained(checked_tiling(known, torus, shear)[0], torus, shear),
+            lambda known: _attained(validate_tiling(known, torus, shear)[0], torus, shear),
             array,
             array.shape[:1],
             2,

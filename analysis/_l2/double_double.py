@@ -51,7 +51,7 @@ def product(factors: Sequence[Wide]) -> Wide:
     return reduce(multiply, factors)
 
 
-def rounded(x: Array, bound: float) -> Wide:
+def split(x: Array, bound: float) -> Wide:
     """Split into multiples of a power of two, with exact sums up to ``bound``, and the rest."""
     unit = 2.0 ** (int(np.ceil(np.log2(bound))) - 52)
     high = jnp.rint(x * (1 / unit)) * unit
@@ -60,7 +60,7 @@ def rounded(x: Array, bound: float) -> Wide:
 
 def total(x: Wide, bound: float) -> Wide:
     """Sum over all elements; their absolute values sum to at most ``bound``."""
-    high, low = rounded(x[0], bound)
+    high, low = split(x[0], bound)
     return two_sum(high.sum(), (low + x[1]).sum())
 
 

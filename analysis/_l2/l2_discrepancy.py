@@ -224,11 +224,11 @@ def _strips(n: int, dims: int) -> int:
 
 @partial(jax.custom_vjp, nondiff_argnums=(1, 2, 3))
 def _measure(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> Array:
-    return _computed(points, kernel, strips, False)[0].astype(dtype)
+    return _compute(points, kernel, strips, False)[0].astype(dtype)
 
 
 def _forward(points: Array, kernel: Kernel, strips: int, dtype: DTypeLike) -> tuple[Array, Array]:
-    value, gradients = _computed(points, kernel, strips, True)
+    value, gradients = _compute(points, kernel, strips, True)
     return value.astype(dtype), gradients.astype(points.dtype)
 
 
@@ -242,7 +242,7 @@ def _backward(
 _measure.defvjp(_forward, _backward)
 
 
-def _computed(points: Array, kernel: Kernel, strips: int, gradient: bool) -> tuple[Array, Array]:
+def _compute(points: Array, kernel: Kernel, strips: int, gradient: bool) -> tuple[Array, Array]:
     """Call the program for this shape; with one strip it is the same for all kernels."""
     rank = kernel.rank if strips > 1 else 1
     return value_and_gradient(jnp.asarray(points, jnp.float64), kernel, strips, rank, gradient)

@@ -6,9 +6,7 @@ sums and products are of two float64, as there: the result has a relative error 
 
 import itertools
 import math
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -18,7 +16,7 @@ from analysis._l2.kernels import Kernel
 from analysis._l2.merges_plane import merge_plane, room_in_plane, sort_plane
 from analysis._l2.merges_space import merge_space, room_in_space, sort_space
 from analysis._l2.scalars import Scalars, add, multiply, quadratic
-from analysis._loops import compiled
+from analysis._loops import compiled, threads
 
 _PARTS = 16
 """Parts that threads share before they are merged: the last merges keep fewer threads busy."""
@@ -59,9 +57,8 @@ def many_points_discrepancy(points: Floats, kernel: Kernel) -> float:
     def merge(part: tuple[int, int, int]) -> Scalars:
         return merge_parts(columns, room, *part, numbers)
 
-    threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     edges = [n * k // _PARTS for k in range(_PARTS + 1)]
-    with ThreadPoolExecutor(threads) as pool:
+    with threads() as pool:
         parts = list(itertools.pairwise(edges))
         own, averages = zip(*pool.map(alone, parts), strict=True)
         pairs = list(pool.map(sort, parts))

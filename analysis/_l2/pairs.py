@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from analysis._l2.double_double import Wide, add, product, rounded, total, two_product, two_sum
+from analysis._l2.double_double import Wide, add, product, split, total, two_product, two_sum
 from analysis._l2.kernels import Kernel
 
 _TOGETHER = 4
@@ -87,7 +87,7 @@ def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
         weight = jnp.where(i == j, 1.0, 2.0) * cut(present, i)[:, None] * cut(present, j)[None, :]
         value, _ = lax.scan(lambda product, axis: (product * factor(axis)[1], None), weight, axes)
         few = value.reshape(_TOGETHER, -1, side).sum(axis=0)
-        more_high, more_low = rounded(few, 2.0 ** (dims + 2) * n * n)
+        more_high, more_low = split(few, 2.0 ** (dims + 2) * n * n)
         if gradient:
 
             def derivative_sums(_: None, axis: tuple[Array, ...]) -> tuple[None, tuple[Array, Array]]:
@@ -176,7 +176,7 @@ def _near(
             more, *more_gradients = pairs(k * _TOGETHER + i)
             value = value + more
             gradients = [s + t for s, t in zip(gradients, more_gradients, strict=True)]
-        high, low = rounded(value, 2.0 ** (dims + 2) * n * n)
+        high, low = split(value, 2.0 ** (dims + 2) * n * n)
         return tuple(s + t for s, t in zip(sums, (high, low, *gradients), strict=True))
 
     start = (jnp.zeros((strips, padded)),) * (2 + dims * gradient)
@@ -214,7 +214,7 @@ def _far(points: Array, strip: Array, strips: int, kernel: Kernel, rank: int, gr
         weights = []
         for role in (above, 1 - above):
             high, low = product([factor(role, j) for j in range(dims)])
-            multiple, rest = rounded(high, bound)
+            multiple, rest = split(high, bound)
             weights += [multiple, rest + low]
         grid = jnp.zeros((strips**dims, 4)).at[cell].add(jnp.stack(weights, axis=1))
         before = grid[:, :2].reshape(*(strips,) * dims, 2)

@@ -7,7 +7,7 @@ product may be a few times as large as the rounding errors of the first: sums re
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._loops import compiled, fused
+from analysis._loops import compiled, multiply_add
 
 Scalars = tuple[float, float]
 """A number and its rounding error."""
@@ -23,7 +23,7 @@ def two_sum(a: float, b: float) -> Scalars:
 @compiled
 def two_product(a: float, b: float) -> Scalars:
     high = a * b
-    return high, fused(a, b, -high)
+    return high, multiply_add(a, b, -high)
 
 
 @compiled

@@ -58,7 +58,7 @@ def search_boxes(n: int, dims: int, budget: Budget, rng: np.random.Generator, st
         if best is None or budget.spent() < _FRESH:
             points = min((_kronecker(n, dims, rng) for _ in range(_STARTS[few])), key=_star)
         else:
-            points = _perturbed(best, rng)
+            points = _perturb(best, rng)
         moved, level = descend(points, _ROUNDS, _BOXES[few])
         if level < least:
             moved = np.floor(moved * 2.0**32) * 2.0**-32
@@ -76,7 +76,7 @@ def _kronecker(n: int, dims: int, rng: np.random.Generator) -> Floats:
     return np.hstack([i / n, (i * rng.random(dims - 1) + rng.random(dims - 1)) % 1])
 
 
-def _perturbed(points: Floats, rng: np.random.Generator) -> Floats:
+def _perturb(points: Floats, rng: np.random.Generator) -> Floats:
     moved, (n, dims) = points.copy(), points.shape
     kind = rng.random()
     if kind < 0.4:

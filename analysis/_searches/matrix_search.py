@@ -154,7 +154,7 @@ def search_matrices(
     seed = checks.integer("seed", seed, 0, checks.INDEX_LIMIT - 1)
     steps = checks.integer("steps", steps, 1, 2**63 - 1)
     budget_s = _arguments.real("budget_s", budget_s, "positive", lambda seconds: seconds > 0)
-    nets = [_Net(m, target, dims) for m, target in _checked(targets, dims).items()]
+    nets = [_Net(m, target, dims) for m, target in _validate_targets(targets, dims).items()]
     budget = Budget(steps, budget_s)
     trials = _trials(nets, np.random.default_rng(seed))
     best, least = next(trials)
@@ -171,7 +171,7 @@ def search_matrices(
     return MatrixSearch(matrices, squared, least == 0, budget.steps)
 
 
-def _checked(targets: Mapping[int, int], dims: int) -> dict[int, int]:
+def _validate_targets(targets: Mapping[int, int], dims: int) -> dict[int, int]:
     """Return the targets from the smallest net on, or raise a ValueError if there are none."""
     if not isinstance(targets, Mapping) or not targets:
         raise ValueError(f"targets must map at least one m to a squared distance, got {targets!r}")

@@ -50,7 +50,7 @@ class Relaxed(NamedTuple):
         return 0.5 + jnp.sum(jnp.asarray(kept)[tree, self.node] * self.digit, axis=-1)
 
 
-def relaxed(points: NDArray[np.int64]) -> Relaxed:
+def relax(points: NDArray[np.int64]) -> Relaxed:
     """Return the points of a set of 2^m as a function of what scrambling does."""
     digits = len(points).bit_length() - 1
     k = np.arange(digits)
@@ -107,12 +107,12 @@ def optimize_scrambling(
     >>> print(bool(result.values[-1] < result.values[0]), t_value(result.points / 4))
     True 0
     """
-    given = _net(points)
+    given = _validate_net(points)
     checks.function("measure", measure, "of points")
     steps = checks.integer("steps", steps, 1, 2**31 - 1)
     key = checks.prng_key("key", key)
     n, dims = given.shape
-    form = relaxed(given)
+    form = relax(given)
     with jax.enable_x64(True):
         start = np.asarray(draws.normal(key, (dims, n - 1), np.float64)) / 2
     check_scalar(measure, given.shape)
@@ -208,7 +208,7 @@ def _flip(search: _Search, kept: Floats, least: float, trials: int) -> Floats:
     return kept
 
 
-def _net(points: ArrayLike) -> NDArray[np.int64]:
+def _validate_net(points: ArrayLike) -> NDArray[np.int64]:
     """Return points as integers."""
     wanted = "integers in [0, n), shape (n, d)"
     given = checks.known_array("points", points, np.integer, wanted)

@@ -35,7 +35,7 @@ Ints = NDArray[np.int64]
 
 
 @compiled
-def enqueued(queue: Ints, waits: NDArray[np.bool_], first: int, length: int, node: int) -> int:
+def enqueue(queue: Ints, waits: NDArray[np.bool_], first: int, length: int, node: int) -> int:
     """Append a node to a ring of such unless it waits there; return the number of those that wait."""
     if waits[node]:
         return length
@@ -84,7 +84,7 @@ def _propagate(
                 if node - 1 == pivot:
                     return False
                 x[node - 1] = value
-                length = enqueued(queue, waits, first, length, node - 1)
+                length = enqueue(queue, waits, first, length, node - 1)
             count = 0
             for j in range(n):
                 if of_y[j] <= node:
@@ -92,13 +92,13 @@ def _propagate(
                 least = count / n - level
                 if least > value * y[j] + _ROUNDING:
                     y[j] = least / value
-                    length = enqueued(queue, waits, first, length, n + j)
+                    length = enqueue(queue, waits, first, length, n + j)
         elif node < 2 * n:
             node -= n
             value = y[node]
             if node < n - 1 and y[node + 1] < value:
                 y[node + 1] = value
-                length = enqueued(queue, waits, first, length, n + node + 1)
+                length = enqueue(queue, waits, first, length, n + node + 1)
             count = 0
             for i in range(n):
                 largest = count / n + level
@@ -106,13 +106,13 @@ def _propagate(
                     if i == pivot:
                         return False
                     x[i] = largest / value
-                    length = enqueued(queue, waits, first, length, i)
+                    length = enqueue(queue, waits, first, length, i)
                 if of_x[i] < node:
                     count += 1
             largest = min(node / n + level, _BELOW_ONE)
             if side * value > largest + _ROUNDING:
                 side = largest / value
-                length = enqueued(queue, waits, first, length, 2 * n)
+                length = enqueue(queue, waits, first, length, 2 * n)
         else:
             for i in range(n):
                 largest = min(i / n + level, _BELOW_ONE) * side
@@ -120,7 +120,7 @@ def _propagate(
                     if i == pivot:
                         return False
                     x[i] = largest
-                    length = enqueued(queue, waits, first, length, i)
+                    length = enqueue(queue, waits, first, length, i)
     return False
 
 

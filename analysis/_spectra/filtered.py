@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._spectra.spectra import error_spectrum, radial_average
-from analysis._spectra.transfers import TIME, checked, transfer
+from analysis._spectra.transfers import TIME, transfer, validate_filter
 
 
 def filtered_error(
@@ -60,7 +60,7 @@ def filtered_error(
     >>> print(f"{filtered_error(flicker, [[0.0]], sigma=0, time=moving_average(0.5)):.4f}")
     0.3333
     """
-    in_time = None if time is None else checked("time", time, TIME)
+    in_time = None if time is None else validate_filter("time", time, TIME)
     error = _arguments.error(image, reference, animated=in_time is not None)
     *frames, height, width, _ = error.shape
     weights: Any = transfer((height, width), _arguments.not_negative("sigma", sigma))

@@ -93,7 +93,7 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     >>> print(frequency, power)
     [1.] [3.]
     """
-    array = _checked(spectrum, (2, 3))
+    array = _validate_spectrum(spectrum, (2, 3))
     height, width = array.shape[-2:]
     annulus = _annuli(height, width)
     frequency = np.arange(1, max(height, width) // 2 + 1)
@@ -142,7 +142,7 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     >>> print(frequency, anisotropy.round(3))
     [1.] [-3.522]
     """
-    array = _checked(spectrum, (2,))
+    array = _validate_spectrum(spectrum, (2,))
     annulus = _annuli(*array.shape)
     frequency, mean = radial_average(array)
     wanted = (annulus >= 1) & (annulus <= len(frequency))
@@ -205,7 +205,7 @@ def mean_spectrum(
     return mean, np.sqrt(squares / (count - 1) / count)
 
 
-def _checked(spectrum: ArrayLike, axes: tuple[int, ...]) -> Any:
+def _validate_spectrum(spectrum: ArrayLike, axes: tuple[int, ...]) -> Any:
     array = _arguments.real_array("spectrum", spectrum)
     if array.ndim not in axes or np.prod(array.shape[-2:]) < 2 or not array.size:
         shapes = " or ".join(["(height, width)", "(frames, height, width)"][: len(axes)])

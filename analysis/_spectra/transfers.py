@@ -48,7 +48,7 @@ def moving_average(alpha: float) -> NDArray[np.float64]:
     return alpha * np.power(1 - alpha, np.arange(frames, dtype=np.float64))
 
 
-def checked(name: str, of: Any, axes: str) -> float | NDArray[np.float64]:
+def validate_filter(name: str, of: Any, axes: str) -> float | NDArray[np.float64]:
     """Return the standard deviation of a Gaussian, 0 for none, or taps of these axes, or raise."""
     taps = _arguments.array(name, of, "a number or an array of numbers").astype(np.float64)
     if taps.ndim == 0:

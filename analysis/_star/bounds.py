@@ -9,7 +9,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import Attained, Floats, called_back
+from analysis._callbacks import Attained, Floats, call_back
 from analysis._star.cells import cell_bounds
 from analysis._star.critical_grid import attained_by_box, critical_grid, rounding
 from analysis._star.regions import refine
@@ -99,7 +99,7 @@ def star_discrepancy_bounds(
     with jax.ensure_compile_time_eval():
         seed = np.asarray(jax.random.key_data(checks.prng_key("key", key)))
     if isinstance(given, Tracer):
-        bounds = called_back(
+        bounds = call_back(
             lambda known: np.array(_bounds(known, seed, regions)),
             lambda known: _attained(known, seed, regions),
             given,

@@ -65,7 +65,7 @@ def critical_grid(points: NDArray[np.float64]) -> CriticalGrid:
     return CriticalGrid(ranks, opened, closed, sizes)
 
 
-def contained(grid: CriticalGrid, corners: NDArray[np.signedinteger]) -> NDArray[np.bool_]:
+def contains(grid: CriticalGrid, corners: NDArray[np.signedinteger]) -> NDArray[np.bool_]:
     """Return which points the boxes of corners, shape (m, d), contain: shape (m, n)."""
     inside = grid.ranks[0] < corners[:, 0, None]
     for j in range(1, grid.dims):
@@ -75,7 +75,7 @@ def contained(grid: CriticalGrid, corners: NDArray[np.signedinteger]) -> NDArray
 
 def local_discrepancy(grid: CriticalGrid, corners: NDArray[np.signedinteger]) -> NDArray[np.float64]:
     """Return the larger of the open and the closed box's local discrepancy, for corners (m, d)."""
-    share = np.count_nonzero(contained(grid, corners), axis=1) / grid.n
+    share = np.count_nonzero(contains(grid, corners), axis=1) / grid.n
     axis = np.arange(grid.dims)
     opened, closed = grid.opened[axis, corners], grid.closed[axis, corners]
     return np.maximum(opened.prod(axis=1) - share, share - closed.prod(axis=1))
@@ -84,7 +84,7 @@ def local_discrepancy(grid: CriticalGrid, corners: NDArray[np.signedinteger]) ->
 def of_corner(grid: CriticalGrid, corner: NDArray[np.signedinteger], value: float) -> LocalDiscrepancy:
     """Return the local discrepancy of a corner, shape (d,), known before, with its box."""
     axis = np.arange(grid.dims)
-    share = np.count_nonzero(contained(grid, corner[None])) / grid.n
+    share = np.count_nonzero(contains(grid, corner[None])) / grid.n
     opened, closed = grid.opened[axis, corner], grid.closed[axis, corner]
     is_open = bool(opened.prod() - share >= share - closed.prod())
     return LocalDiscrepancy(value, opened if is_open else closed, is_open)

@@ -7,13 +7,11 @@ Threads share the stripes.
 """
 
 import math
-import os
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._loops import compiled
+from analysis._loops import compiled, threads
 
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""
@@ -21,7 +19,7 @@ _MARGIN = 1e-14
 _STRIPE = 16
 """Tiles side by side that are bounded together."""
 
-_BATCH = 64
+_TOGETHER = 64
 """Tiles that are evaluated before the largest value is compared with the bounds again."""
 
 Floats = NDArray[np.float64]
@@ -38,20 +36,19 @@ def many_star_discrepancy(points: Floats) -> float:
     tiles = -(-(n + 1) // side)
     ends = np.ones((2, tiles * side + 1))
     ends[:, 0] = 0.0
-    by_x = _sorted(points[:, 0], ends[0])
+    by_x = _sort_ends(points[:, 0], ends[0])
     rank = np.empty(n, np.int32)
-    rank[_sorted(points[:, 1], ends[1])] = np.arange(n, dtype=np.int32)
+    rank[_sort_ends(points[:, 1], ends[1])] = np.arange(n, dtype=np.int32)
     y_rank, x_rank = rank[by_x], by_x  # in the same memory
     x_rank[y_rank] = np.arange(n, dtype=np.int32)
     del rank
     x, y = ends
     bounds, counts = np.empty((tiles, tiles)), np.empty((tiles, tiles), np.int32)
 
-    threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(threads) as pool:
+    with threads() as pool:
 
         def stripe(first: int) -> float:
-            return _bound(x, y, y_rank, side, first, min(first + _STRIPE, tiles), bounds, counts)
+            return _bound_stripe(x, y, y_rank, side, first, min(first + _STRIPE, tiles), bounds, counts)
 
         # Intermediate values are rounded differently: only those of evaluated tiles count.
         floor = max(pool.map(stripe, range(0, tiles, _STRIPE))) - _MARGIN
@@ -65,14 +62,14 @@ def many_star_discrepancy(points: Floats) -> float:
             return _evaluate(x, y, x_rank, y_rank, side, i, j, counts[i, j], max(best, floor))
 
         best = 0.0
-        for start in range(0, len(chosen), _BATCH):
+        for start in range(0, len(chosen), _TOGETHER):
             if bounds.ravel()[chosen[start]] + _MARGIN <= max(best, floor):
                 break
-            best = max(best, *pool.map(tile, chosen[start : start + _BATCH]))
+            best = max(best, *pool.map(tile, chosen[start : start + _TOGETHER]))
     return best
 
 
-def _sorted(coordinates: Floats, ends: Floats) -> Ints:
+def _sort_ends(coordinates: Floats, ends: Floats) -> Ints:
     """Return the order of coordinates, and write them behind the first of the ends of boxes."""
     values = ends[1 : len(coordinates) + 1]
     values[:] = coordinates
@@ -82,7 +79,7 @@ def _sorted(coordinates: Floats, ends: Floats) -> Ints:
 
 
 @compiled
-def _bound(
+def _bound_stripe(
     x: Floats, y: Floats, y_rank: Ints, side: int, left: int, right: int, bounds: Floats, counts: Ints
 ) -> float:
     """Bound the tiles of a stripe, count the points below their first corners, and return the best corner.

@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 from analysis._star.critical_grid import (
     CriticalGrid,
     LocalDiscrepancy,
-    contained,
+    contains,
     local_discrepancy,
     of_corner,
 )
@@ -132,9 +132,9 @@ def region_bounds(grid: CriticalGrid, low: Corners, high: Corners) -> tuple[NDAr
     m, dims = low.shape
     n, axis = grid.n, np.arange(dims)
     opened, opened_high, closed = grid.opened[axis, low], grid.opened[axis, high], grid.closed[axis, low]
-    below = contained(grid, low)
+    below = contains(grid, low)
     share = np.count_nonzero(below, axis=1) / n
-    between = contained(grid, high) ^ below
+    between = contains(grid, high) ^ below
 
     # One entry per point inside of h and outside of l, sorted by region, slab and rank.
     counts = np.count_nonzero(between, axis=1)

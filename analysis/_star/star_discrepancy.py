@@ -7,7 +7,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import called_back
+from analysis._callbacks import call_back
 from analysis._loops import COMPILED
 from analysis._star.critical_grid import LocalDiscrepancy, attained_by_box, critical_grid
 from analysis._star.plane import plane_star_discrepancy
@@ -78,7 +78,7 @@ def star_discrepancy(points: ArrayLike) -> float:
     given = _arguments.points(points, vector=True, traced=True)
     if isinstance(given, Tracer):
         dims = given.shape[1]
-        return called_back(
+        return call_back(
             star_discrepancy, lambda known: attained_by_box(known, worst_box(known)), given, (), dims
         )
     array = given.astype(np.float64, copy=False)

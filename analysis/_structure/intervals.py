@@ -12,7 +12,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import counted
+from analysis._callbacks import call_back_count
 from qmcjax.core import checks, number_theory
 
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}
@@ -57,7 +57,7 @@ def interval_counts(points: ArrayLike, digits: Sequence[int], base: int = 2) -> 
     sides = _sides(digits, base, given.shape[1])
     if isinstance(given, Tracer):
         outline = jax.ShapeDtypeStruct(sides, jnp.int32)
-        return counted(lambda known: interval_counts(known, digits, base), outline, given)
+        return call_back_count(lambda known: interval_counts(known, digits, base), outline, given)
     return _counts(given, sides).reshape(sides)
 
 
@@ -83,7 +83,7 @@ def is_stratified(points: ArrayLike, digits: Sequence[int], base: int = 2) -> bo
     given = fractions(points)
     sides = _sides(digits, base, given.shape[1])
     if isinstance(given, Tracer):
-        return counted(lambda known: is_stratified(known, digits, base), _ONE_BOOL, given)
+        return call_back_count(lambda known: is_stratified(known, digits, base), _ONE_BOOL, given)
     counts = _counts(given, sides)
     return bool((counts == counts[0]).all())
 
@@ -109,7 +109,7 @@ def is_latin_hypercube(points: ArrayLike) -> bool:
     """
     given = fractions(points)
     if isinstance(given, Tracer):
-        return counted(is_latin_hypercube, _ONE_BOOL, given)
+        return call_back_count(is_latin_hypercube, _ONE_BOOL, given)
     n = len(given)
     return all((np.bincount(column) == 1).all() for column in cells(given, n).T)
 

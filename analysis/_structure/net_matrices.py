@@ -29,21 +29,21 @@ class MatrixNet(abc.ABC):
     def even_digits(self, state: tuple, used: int, axis: int, limit: int) -> int:
         """Return how many of the first ``limit`` rows of one matrix are independent of the state."""
         for digit in range(limit):
-            refined = self.refined(state, axis, digit)
+            refined = self.refine(state, axis, digit)
             if refined is None:
                 return digit
             state = refined
         return limit
 
     @abc.abstractmethod
-    def refined(self, state: tuple, axis: int, digit: int) -> tuple | None:
+    def refine(self, state: tuple, axis: int, digit: int) -> tuple | None:
         """Return the state with one more row, None if it depends on the others."""
 
 
 class _BinaryNet(MatrixNet):
     """Rows over F_2, as Python integers. Each row of a basis lacks the leading ones of the previous rows."""
 
-    def refined(self, state: tuple[int, ...], axis: int, digit: int) -> tuple[int, ...] | None:
+    def refine(self, state: tuple[int, ...], axis: int, digit: int) -> tuple[int, ...] | None:
         row = self._rows[axis][digit]
         for vector in state:
             row = min(row, row ^ vector)
@@ -57,7 +57,7 @@ class _PrimeNet(MatrixNet):
         super().__init__(m, rows)
         self._q = q
 
-    def refined(self, state: tuple, axis: int, digit: int) -> tuple | None:
+    def refine(self, state: tuple, axis: int, digit: int) -> tuple | None:
         row = self._rows[axis][digit]
         for column, vector in state:
             row = (row - row[column] * vector) % self._q
@@ -76,7 +76,7 @@ def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
             f"got {matrices.dtype} {matrices.shape} with m={m}"
         )
     if matrices.ndim == 2:
-        matrices = _unpacked(matrices, q)
+        matrices = _unpack(matrices, q)
     if matrices.ndim != 3 or 0 in matrices.shape:
         raise ValueError(f"points_or_matrices must have shape (s, rows, columns), got {matrices.shape}")
     largest = min(matrices.shape[1:])
@@ -89,7 +89,7 @@ def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
     return _BinaryNet(m, [[int.from_bytes(row.tobytes()) for row in rows] for rows in packed])
 
 
-def _unpacked(words: NDArray, q: int) -> NDArray:
+def _unpack(words: NDArray, q: int) -> NDArray:
     """Return packed matrices, column k with its first row in bit 31, as digits (s, 32, 32)."""
     if q != 2 or words.dtype != np.uint32 or words.shape[1] != _WORD:
         raise ValueError(

@@ -13,7 +13,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import counted
+from analysis._callbacks import call_back_count
 from analysis._structure.intervals import cells, fractions
 from analysis._structure.net_matrices import matrix_net
 from qmcjax.core import checks, number_theory
@@ -74,7 +74,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     5
     """
     if isinstance(points_or_matrices, Tracer):
-        return counted(lambda known: t_value(known, base, m), _ONE_INTEGER, points_or_matrices)
+        return call_back_count(lambda known: t_value(known, base, m), _ONE_INTEGER, points_or_matrices)
     net = _net(points_or_matrices, base, m)
     return net.m - _strength(net, range(net.dims))
 
@@ -105,7 +105,7 @@ def projection_t_values(
         dims = given.shape[0 if m is not None or given.ndim == 3 else -1]
         size = checks.integer("size", size, 1, dims)
         outline = {axes: _ONE_INTEGER for axes in combinations(range(dims), size)}
-        return counted(lambda known: projection_t_values(known, base, m, size), outline, given)
+        return call_back_count(lambda known: projection_t_values(known, base, m, size), outline, given)
     net = _net(points_or_matrices, base, m)
     size = checks.integer("size", size, 1, net.dims)
     return {axes: net.m - _strength(net, axes) for axes in combinations(range(net.dims), size)}
@@ -122,7 +122,7 @@ class _Net(Protocol):
         """Return up to how many more digits, of one other coordinate, the intervals are filled evenly."""
         ...
 
-    def refined(self, state: Any, axis: int, digit: int) -> Any:
+    def refine(self, state: Any, axis: int, digit: int) -> Any:
         """Return the state with one more digit of a coordinate; it has all previous digits."""
         ...
 
@@ -152,7 +152,7 @@ def _strength(net: _Net, axes: Sequence[int]) -> int:
             strength = used + net.even_digits(state, used, axes[i], strength - used)
             refined, digit = state, 0
             while i + 1 < len(axes) and used + digit + 1 < strength:
-                refined = net.refined(refined, axes[i], digit)
+                refined = net.refine(refined, axes[i], digit)
                 digit += 1
                 search(refined, used + digit, i + 1)
 
@@ -183,6 +183,6 @@ class _PointNet:
             limit -= 1
         return limit
 
-    def refined(self, state: NDArray, axis: int, digit: int) -> NDArray:
+    def refine(self, state: NDArray, axis: int, digit: int) -> NDArray:
         base = self._base
         return state * base + self._columns[axis] // base ** (self.m - 1 - digit) % base

@@ -12,12 +12,11 @@ from pkgutil import resolve_name
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.tables import CHOOSING, ORDERS, SAMPLERS, SEQUENCES, TRACED
 from qmcjax.scenes import traced
 
-Content = str | bytes | dict[str, NDArray]
+Content = str | bytes | dict[str, Any]
 """Of a text file, of any file, or of an archive of arrays."""
 
 TABLES: dict[str, tuple[Any, ...]] = {

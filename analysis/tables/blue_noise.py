@@ -122,7 +122,7 @@ def neighbours(
     return around, weight[near].astype(np.float32)
 
 
-def arranged(cost: Cost, rng: np.random.Generator) -> NDArray[np.int64]:
+def arrange(cost: Cost, rng: np.random.Generator) -> NDArray[np.int64]:
     """Return a tile of low energy; ``cost(tile, y, x)`` is of each pixel with each of their candidates."""
     tile = rng.permutation(POOL).reshape(SIDE, SIDE)
     for _ in range(SWEEPS * REACH**2):
@@ -146,7 +146,7 @@ def vector_mask(dims: int, rng: np.random.Generator) -> NDArray[np.uint16]:
         difference = values[around][:, None] - values[tile[y, x]][None, :, None]
         return np.exp(-(np.square(difference).sum(axis=-1) ** (dims / 4))) @ weight
 
-    return ranks[arranged(cost, rng)].astype(np.uint16)
+    return ranks[arrange(cost, rng)].astype(np.uint16)
 
 
 def arrange_keys(
@@ -176,7 +176,7 @@ def arrange_keys(
         around, weight = neighbours(tile, y, x, 2 * FILTER)
         return np.einsum("pnc,n->pc", errors[around], weight, optimize=True) @ errors[tile[y, x]].T
 
-    tile = arranged(cost, rng)
+    tile = arrange(cost, rng)
     return keys[tile].astype(np.uint16), ranks[tile].astype(np.uint8)
 
 

@@ -87,11 +87,11 @@ def certificate(discrepancy: str, n: int, dims: int) -> str:
     words = np.asarray(sequences.record_net(n, dims, discrepancy).table)
     if discrepancy == "star":
         value, box, is_open = exact_star(words)
-        return f"{_rounded_up(value)} {'open' if is_open else 'closed'} box {box}"
-    return f"{_rounded_up(EXACT_L2[discrepancy](words))} squared"
+        return f"{_round_up(value)} {'open' if is_open else 'closed'} box {box}"
+    return f"{_round_up(EXACT_L2[discrepancy](words))} squared"
 
 
-def _rounded_up(value: Fraction) -> str:
+def _round_up(value: Fraction) -> str:
     return f"{ceil(value * 10**12) / 10**12:.12f}"
 
 

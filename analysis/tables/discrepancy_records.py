@@ -7,6 +7,7 @@ one. ``python -m analysis.tables.check_discrepancy`` certifies them.
 
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,7 @@ _STARTS = 64
 _STEPS = 3000
 """Maximum number of steps of a descent of an L2 discrepancy."""
 
-MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
+MEASURES: dict[str, Callable[[NDArray[Any]], float]] = {
     "star": analysis.star_discrepancy,
     "periodic": lambda points: float(analysis.periodic_discrepancy(points)),
     "average": lambda points: float(analysis.symmetric_discrepancy(points)) / 2 ** points.shape[1],
@@ -54,7 +55,7 @@ MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
 """The average squared discrepancy, here its root, is the symmetric discrepancy but for a factor."""
 
 
-def improve(kept: dict[str, NDArray], discrepancy: str, n: int, dims: int, seconds: float) -> None:
+def improve(kept: dict[str, Any], discrepancy: str, n: int, dims: int, seconds: float) -> None:
     """Search one size; keep what is better, and the seconds that went into it."""
     name = f"{discrepancy}_{dims}d_{n}"
     spent, began = float(kept.get(f"{name}_seconds", 0.0)), time.process_time()

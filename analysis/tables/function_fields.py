@@ -70,7 +70,7 @@ def power(base: Series, exponent: int) -> Series:
     return result
 
 
-def composed(outer: Series, inner: Series) -> Series:
+def compose(outer: Series, inner: Series) -> Series:
     """Return a series of another one of positive order, by Horner's rule."""
     result = ZERO
     for k in range(PRECISION):
@@ -93,7 +93,7 @@ class Field(NamedTuple):
     """Expansions of x and of a basis of the integral functions over F_2[x] at each place."""
 
 
-def evaluated(polynomial: Polynomial, x: Series, y: Series) -> Series:
+def evaluate(polynomial: Polynomial, x: Series, y: Series) -> Series:
     """Return the value of a polynomial for two series."""
     result = ZERO
     for i, j in polynomial:
@@ -118,7 +118,7 @@ def plane(genus: int, curve: Polynomial, weight: int) -> Field:
                 (highest - i - weight * j if at is None else i, degree - j if value is None else j)
                 for i, j in curve
             )
-            local = _moved(chart, u_place, v_place)
+            local = _shift(chart, u_place, v_place)
             if (0, 0) in local:
                 continue
             u, v = _branch(local)
@@ -129,13 +129,13 @@ def plane(genus: int, curve: Polynomial, weight: int) -> Field:
             for _ in range(weight if at is None else 0):
                 y = y * x
             # The products of y with the leading coefficients of the curve are integral.
-            first = evaluated(leading, x, y) * y
-            basis = (ONE, first, first * y + evaluated(second, x, y) * y)
+            first = evaluate(leading, x, y) * y
+            basis = (ONE, first, first * y + evaluate(second, x, y) * y)
             places.append((x, *basis[:degree]))
     return Field(genus, tuple(places))
 
 
-def _moved(polynomial: Polynomial, u: int, v: int) -> Polynomial:
+def _shift(polynomial: Polynomial, u: int, v: int) -> Polynomial:
     """Return a polynomial in u + x and v + y, by Lucas' theorem."""
     moved: set[tuple[int, int]] = set()
     for i, j in polynomial:
@@ -154,7 +154,7 @@ def _branch(local: Polynomial) -> tuple[Series, Series]:
     slope = frozenset((i, j - 1) for i, j in local if j % 2)
     y = ZERO
     for _ in range(PRECISION.bit_length()):
-        y = y + evaluated(local, Z, y) * evaluated(slope, Z, y).inverse()
+        y = y + evaluate(local, Z, y) * evaluate(slope, Z, y).inverse()
     return Z, y
 
 
@@ -184,8 +184,8 @@ def double_cover(
         unit, factor = Series(0, f.bits).root(m), Z * Z * (ONE + power(Z, m)).root(-m)
         t = Z * Z
         for _ in range(PRECISION // 2):
-            t = factor * composed(unit, t)
-        x, y, divisor = (composed(function, t) for function in (x, y, divisor))
+            t = factor * compose(unit, t)
+        x, y, divisor = (compose(function, t) for function in (x, y, divisor))
         v = power(Z.inverse(), m)
         places.append((x, one, y, divisor * v, divisor * y * v))
     return Field(genus, tuple(places))
@@ -194,7 +194,7 @@ def double_cover(
 def polynomial(*exponents: int) -> Callable[[Series, Series], Series]:
     """Return a polynomial in x, from its exponents."""
     terms = frozenset((i, 0) for i in exponents)
-    return lambda x, y: evaluated(terms, x, y)
+    return lambda x, y: evaluate(terms, x, y)
 
 
 def fields() -> Iterator[Field]:

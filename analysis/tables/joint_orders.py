@@ -166,7 +166,7 @@ def _energy(table, shift, words, codes, weights):
 
 
 @numba.njit(cache=True)
-def changed(words):
+def change_words(words):
     """Add one word to another of the same or a finer level, or exchange two of a level; else return none."""
     one, other = np.random.randint(words.size), np.random.randint(words.size)
     if one == other or other // 2 > one // 2:
@@ -186,7 +186,7 @@ def _anneal(table, codes, weights, words, trials, hot, cold, seed):
     least, best = energy, words.copy()
     for trial in range(trials):
         temperature = hot * (cold / hot) ** (trial / trials)
-        tried = changed(words)
+        tried = change_words(words)
         if not tried.size:
             continue
         found = _energy(table, 0, tried, codes, weights)

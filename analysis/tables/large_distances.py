@@ -159,14 +159,14 @@ def space_nets() -> Iterator[str]:
         "# m, squared minimum distance on the integer grid, rows of C_1, rows of C_2, first digits first"
     ]
     for m, target in NETS.items():
-        found = reached({m: target}, SEEDS.get(m, 0))
+        found = reach({m: target}, SEEDS.get(m, 0))
         lines.append(f"{m} {found.squared[m]} {_digits(found.matrices)}")
         yield "\n".join(lines) + "\n"
 
 
 def sequence() -> Iterator[str]:
     """Yield the matrices of optimized_sequence."""
-    found = reached(SEQUENCE, 0)
+    found = reach(SEQUENCE, 0)
     squared = " ".join(map(str, found.squared.values()))
     yield (
         f"# squared minimum distances of the nets of m = 2, ..., 16: {squared}\n"
@@ -175,7 +175,7 @@ def sequence() -> Iterator[str]:
     )
 
 
-def reached(targets: dict[int, int], seed: int) -> MatrixSearch:
+def reach(targets: dict[int, int], seed: int) -> MatrixSearch:
     """Return matrices that reach the targets."""
     found = search_matrices(targets, seed=seed)
     if not found.reached:

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from analysis.tables.joint_orders import (
     LOG_SIDE,
     Xors,
-    changed,
+    change_words,
     filter_xors,
     kernels,
     product,
@@ -145,7 +145,7 @@ def _anneal(table, zeros, pixels, words, times, triangle, samples, xors, filters
                 k = 1 + np.random.randint(times.shape[1] - 1)
                 tried_times[np.random.randint(4), k] ^= 1 << (DIGITS - 1 - np.random.randint(k))
         else:
-            tried_words = changed(words)
+            tried_words = change_words(words)
             if not tried_words.size:
                 continue
         of_pixels = _products(pixels, np.broadcast_to(tried_words, (4, words.size)))

@@ -78,7 +78,7 @@ def _series(numerator: int, denominator: int) -> int:
     return series
 
 
-def in_terms_of(basis: list[int], row: int) -> int:
+def express(basis: list[int], row: int) -> int:
     """Return which rows of a unit upper triangular matrix add up to a row."""
     selected = 0
     for k in range(SIZE):
@@ -115,7 +115,7 @@ def pair(p: int, draw: random.Random) -> tuple[DirectionNumbers, DirectionNumber
         basis = rows_of(numerators, p, SIZE)
         fitting = _fitting(basis, q, draw)
         rows = rows_of(fitting, q, SIZE - 1) if fitting else []
-        terms = [in_terms_of(basis, row) for row in rows]
+        terms = [express(basis, row) for row in rows]
         if rows and all(fits(terms[:b]) for b in range(2 * degree + 1, SIZE)):
             return DirectionNumbers(p, initial(basis, degree)), DirectionNumbers(q, initial(rows, 2 * degree))
 
@@ -123,9 +123,9 @@ def pair(p: int, draw: random.Random) -> tuple[DirectionNumbers, DirectionNumber
 def _fitting(basis: list[int], q: int, draw: random.Random) -> list[int]:
     """Return numerators for which the first rows of q fit, or none after many tries."""
     count, tries = q.bit_length() - 1, 0
-    monomials = [in_terms_of(basis, _series(1 << k, q)) for k in range(count)]
+    monomials = [express(basis, _series(1 << k, q)) for k in range(count)]
 
-    def extended(numerators: list[int], rows: list[int]) -> list[int]:
+    def extend(numerators: list[int], rows: list[int]) -> list[int]:
         nonlocal tries
         leading = count - 1 - len(numerators)
         if leading < 0:
@@ -138,11 +138,11 @@ def _fitting(basis: list[int], q: int, draw: random.Random) -> list[int]:
             row = 0
             for k, monomial in enumerate(monomials):
                 row ^= monomial if numerator >> k & 1 else 0
-            if fits([*rows, row]) and (found := extended([*numerators, numerator], [*rows, row])):
+            if fits([*rows, row]) and (found := extend([*numerators, numerator], [*rows, row])):
                 return found
         return []
 
-    return extended([], [])
+    return extend([], [])
 
 
 def cost(matrices: NDArray[np.uint32], most: float) -> float:

@@ -204,7 +204,7 @@ def random_order(log_side: int, rng: np.random.Generator) -> NDArray[np.int64]:
     return numbers
 
 
-def packed(positions: NDArray[np.int64]) -> NDArray[np.uint8]:
+def pack(positions: NDArray[np.int64]) -> NDArray[np.uint8]:
     """Return the permutations of all squares, from the tile down: 2 bits for the digit of each quadrant."""
     half, found = positions.shape[0] // 2, []
     while half:
@@ -231,7 +231,7 @@ def search(log_count: int) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
 
 def orders() -> Iterator[dict[str, NDArray]]:
     """Yield the permutations of quadrants for each number of samples."""
-    yield {"permutations": np.stack([packed(search(k)[0]) for k in range(LOG_COUNTS)])}
+    yield {"permutations": np.stack([pack(search(k)[0]) for k in range(LOG_COUNTS)])}
 
 
 def ranks() -> Iterator[dict[str, NDArray]]:

@@ -116,7 +116,7 @@ def column(wanted: Matrices, rng: np.random.Generator) -> Matrices | None:
     return None
 
 
-def grown(matrices: Matrices, order: int, t: int, rng: np.random.Generator) -> Iterator[Matrices]:
+def grow(matrices: Matrices, order: int, t: int, rng: np.random.Generator) -> Iterator[Matrices]:
     """Yield some ways to add a column."""
     needed = [forms(matrices, pair, order, order) for pair in ((0, 1), (2, 3))]
     needed.append(forms(matrices, (0, 1, 2, 3), max(order - t, 0), order))
@@ -137,7 +137,7 @@ def quadruple(seed: int, last: int = ORDER) -> tuple[Matrices, list[int]] | None
     known, ts = [np.zeros((4, ORDER, ORDER), np.int8)], []
     for order in range(1, last + 1):
         t = next(t for t, most in ALLOWED.items() if order <= most)
-        longer = {m.tobytes(): m for matrices in known for m in grown(matrices, order, t, rng)}
+        longer = {m.tobytes(): m for matrices in known for m in grow(matrices, order, t, rng)}
         if not longer:
             return None
         found = list(longer.values())
@@ -155,7 +155,7 @@ def pair_t(one: Matrices, other: Matrices, order: int) -> int:
     return order
 
 
-def renumbered(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Generator) -> Matrices:
+def renumber(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Generator) -> Matrices:
     """Multiply a quadruple by one upper triangular matrix: t stays, and pairs with the others become good.
 
     Of some random matrices, the one with the smallest sum of squares of such pairs' t is taken.
@@ -182,6 +182,6 @@ def table() -> Iterator[str]:
             return
         found = quadruple(seed)
         if found is not None:
-            quadruples.append(renumbered(quadruples, found[0], rng))
+            quadruples.append(renumber(quadruples, found[0], rng))
             lines += [" ".join("".join(map(str, row)) for row in matrix) for matrix in quadruples[-1]]
             yield "\n".join(lines) + "\n"

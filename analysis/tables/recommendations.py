@@ -93,7 +93,7 @@ def points(sampler: Any, level: int, width: int, height: int, sample: Array) -> 
 
 
 @jax.jit
-def added(total: Array, point: Array) -> Array:
+def add(total: Array, point: Array) -> Array:
     """Add the values of all scenes of a level, shape (scenes, height, width)."""
     of_level = SCENES[point.shape[-1]].values()
     return total + jnp.stack([scene(point[..., : len(scene.needs)]) for scene in of_level])
@@ -110,7 +110,7 @@ def growing(
     """Return the images of the first so many samples, for several counts."""
     total, made = jnp.zeros((len(SCENES[level]), height, width)), []
     for sample in range(spp):
-        total = added(total, points(sampler, level, width, height, jnp.uint32(sample)))
+        total = add(total, points(sampler, level, width, height, jnp.uint32(sample)))
         if sample + 1 in counts:
             made.append(np.asarray(total, np.float64) / (sample + 1))
     return made
@@ -130,7 +130,7 @@ def exact(level: int, width: int, height: int) -> list[NDArray[np.float64]]:
     return [scene.reference(width, height)[0] for scene in SCENES[level].values()]
 
 
-def _drawn(
+def _images(
     candidate: Candidate, setting: Setting, level: int, size: tuple[int, int], spp: int, key: int
 ) -> list[NDArray[np.float64]]:
     """Return the images, shape (scenes, height, width), that a setting counts."""
@@ -148,7 +148,7 @@ def errors(
     """Return the errors of the images that count, shape (images, measures, scenes, keys)."""
     found = []
     for key in keys:
-        for drawn in _drawn(candidate, setting, level, size, spp, key):
+        for drawn in _images(candidate, setting, level, size, spp, key):
             each = list(zip(drawn, exact(level, *size), strict=True))
             rms = [np.sqrt(np.mean((image - reference) ** 2)) for image, reference in each]
             found.append([rms, [filtered_error(image, reference) for image, reference in each]])

@@ -63,7 +63,7 @@ def replicates(scene: Any, side: int, spp: int, cache: Path) -> NDArray[np.float
     return np.stack(images)
 
 
-def combined(images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def combine(images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the mean of replicates and its standard errors, shapes (side, side, 3) and (side, side).
 
     Variances of so few replicates scatter by a third. Each is raised to the mean over 3 x 3 pixels if that is
@@ -77,7 +77,7 @@ def combined(images: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
 def table(name: str) -> Iterator[bytes]:
     """Yield the file of a scene with its default parameters, or raise a ValueError."""
     scene = getattr(scenes, name)()
-    image, error = combined(replicates(scene, SIDE, SPP // REPLICATES, CACHE))
+    image, error = combine(replicates(scene, SIDE, SPP // REPLICATES, CACHE))
     if not np.isfinite(image).all():
         raise ValueError(
             f"{name} must have finite values, got {int((~np.isfinite(image)).sum())} that are not"

@@ -14,16 +14,18 @@ _LARGEST = 1e75
 """Absolute values up to which areas and their sums stay finite."""
 
 
-def still(low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def still_boxes(low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners of boxes, (n, 3), or (n, 4) with time as fourth coordinate, or raise."""
-    return _checked(low, high, "(n, 3) or (n, 4)", lambda s: len(s) == 2 and s[0] > 0 and s[1] in (3, 4))
+    return _validate_corners(
+        low, high, "(n, 3) or (n, 4)", lambda s: len(s) == 2 and s[0] > 0 and s[1] in (3, 4)
+    )
 
 
-def moving(
+def moving_boxes(
     low: Any, high: Any, times: Any
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return the corners of boxes at some times, (k, n, 3), and the times, (k,), or raise."""
-    low, high = _checked(
+    low, high = _validate_corners(
         low, high, "(k, n, 3)", lambda s: len(s) == 3 and s[0] > 1 and s[1] > 0 and s[2] == 3
     )
     times = known("times", times)
@@ -35,7 +37,9 @@ def moving(
     return low, high, times
 
 
-def _checked(low: Any, high: Any, wanted: str, fits: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _validate_corners(
+    low: Any, high: Any, wanted: str, fits: Any
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     low, high = known("low", low), known("high", high)
     for name, array in (("low", low), ("high", high)):
         if not fits(array.shape):
@@ -61,7 +65,7 @@ def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
     >>> print(surface_area([0, 0, 0], [1, 2, 3]))
     22.0
     """
-    low, high = _checked(low, high, "(..., 3)", lambda s: len(s) > 0 and s[-1] == 3)
+    low, high = _validate_corners(low, high, "(..., 3)", lambda s: len(s) > 0 and s[-1] == 3)
     return area(high - low)
 
 
@@ -86,7 +90,7 @@ def measure(low: NDArray, high: NDArray, times: NDArray | None = None) -> NDArra
     return np.asarray(np.tensordot(parts, ends[:-1] + 4 * middles + ends[1:], 1), np.float64)
 
 
-def numbers_of_rays(
+def flat_rays(
     origin: Any, direction: Any
 ) -> tuple[tuple[int, ...], NDArray[np.float64], NDArray[np.float64]]:
     """Return the shape of rays, and their origins and directions as (n, 3)."""
@@ -107,7 +111,7 @@ def numbers_of_rays(
     return shape[:-1], start, way
 
 
-def between(times: NDArray | None, when: NDArray) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def interval_of_time(times: NDArray | None, when: NDArray) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the interval of ``times`` for each time, clamped, and the position in it."""
     if times is None:
         return np.zeros(len(when), np.int64), np.zeros(len(when))
@@ -115,7 +119,7 @@ def between(times: NDArray | None, when: NDArray) -> tuple[NDArray[np.int64], ND
     return span, np.clip((when - times[span]) / np.diff(times)[span], 0, 1)
 
 
-def times_of_rays(time: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+def flat_times(time: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
     """Return a time for each ray, (n,)."""
     found = known("time", time)
     require("time", found, np.isfinite, "finite")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.trees import _boxes
 from analysis.trees._structure import Tree
-from analysis.trees._sweep import swept
+from analysis.trees._sweep import sweep
 
 
 def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:
@@ -60,9 +60,9 @@ def morton_tree(low: ArrayLike, high: ArrayLike) -> Tree:
 
 
 def _along(low: ArrayLike, high: ArrayLike, digits: Any) -> Tree:
-    low, high = _boxes.still(low, high)
+    low, high = _boxes.still_boxes(low, high)
     cells, bits = _cells(low, high)
-    return swept(low, high, np.argsort(_interleaved(digits(cells, bits), bits), kind="stable")[None])
+    return sweep(low, high, np.argsort(_interleave(digits(cells, bits), bits), kind="stable")[None])
 
 
 def _cells(low: NDArray, high: NDArray) -> tuple[NDArray[np.int64], int]:
@@ -97,7 +97,7 @@ def hilbert_digits(cells: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
     return x ^ turned
 
 
-def _interleaved(numbers: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
+def _interleave(numbers: NDArray[np.int64], bits: int) -> NDArray[np.int64]:
     """Interleave the bits of d numbers, those of the first in front."""
     key = np.zeros_like(numbers[0])
     for k in range(bits - 1, -1, -1):

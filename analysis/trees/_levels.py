@@ -10,7 +10,7 @@ Split = Callable[[NDArray, NDArray, NDArray], tuple[NDArray, NDArray]]
 of the first child, (s,), and which boxes, by their numbers, go to the second, bool (n,)."""
 
 
-def grown(rows: NDArray, split: Split) -> NDArray[np.int64]:
+def grow(rows: NDArray, split: Split) -> NDArray[np.int64]:
     """Return the children of the inner nodes of a tree, the root's last.
 
     ``rows`` are orders of all boxes, (a, n): they are kept below every node.
@@ -24,7 +24,7 @@ def grown(rows: NDArray, split: Split) -> NDArray[np.int64]:
     while len(node):
         start = np.cumsum(length) - length
         first, second = split(rows, start, length)
-        rows = _parted(rows, second, start, length, first)
+        rows = _partition(rows, second, start, length, first)
         size = np.stack([first, length - first], 1).reshape(-1)
         begin = np.cumsum(size) - size
         number = rows[0, begin]
@@ -38,7 +38,7 @@ def grown(rows: NDArray, split: Split) -> NDArray[np.int64]:
     return children
 
 
-def _parted(rows: NDArray, second: NDArray, start: NDArray, length: NDArray, first: NDArray) -> NDArray:
+def _partition(rows: NDArray, second: NDArray, start: NDArray, length: NDArray, first: NDArray) -> NDArray:
     """Return orders in which each node has the boxes of its first child first."""
     parted = np.empty_like(rows)
     place = np.arange(rows.shape[1]) - np.repeat(start, length)

@@ -46,7 +46,7 @@ def boxes_during(
     >>> print(low, high)
     [[2. 0. 0.]] [[5. 1. 1.]]
     """
-    low, high, times = _boxes.moving(low, high, times)
+    low, high, times = _boxes.moving_boxes(low, high, times)
     begin = float(times[0]) if start is None else float(numbers("start", start))
     close = float(times[-1]) if end is None else float(numbers("end", end))
     for name, value in (("start", begin), ("end", close)):
@@ -60,7 +60,7 @@ def during(
     low: NDArray, high: NDArray, times: NDArray, start: float, end: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     inside = (times > start) & (times < end)
-    span, part = _boxes.between(times, np.array([start, end]))
+    span, part = _boxes.interval_of_time(times, np.array([start, end]))
     part = part[:, None, None]
     lows, highs = (
         np.concatenate([(1 - part) * a[span] + part * a[span + 1], a[inside]]) for a in (low, high)
@@ -103,7 +103,7 @@ def split_in_time(
     >>> print(low[:, [0, 3]].tolist(), high[:, [0, 3]].tolist())
     [[0.0, 0.0], [2.0, 0.25], [4.0, 0.5], [6.0, 0.75]] [[3.0, 0.25], [5.0, 0.5], [7.0, 0.75], [9.0, 1.0]]
     """
-    low, high, times = _boxes.moving(low, high, times)
+    low, high, times = _boxes.moving_boxes(low, high, times)
     bound = float(numbers("kappa", kappa))
     require("kappa", bound, lambda k: k >= 1, "at least 1")
     limit = checks.integer("most", most, 1, 1024)
@@ -111,7 +111,7 @@ def split_in_time(
     allowed = _boxes.measure(*whole) / bound
     alone = np.any(_boxes.measure(low, high) > allowed, axis=0)
     rest = np.flatnonzero(~alone)
-    found = [(*_timed(whole[0][alone], whole[1][alone], times[0], times[-1]), np.flatnonzero(alone))]
+    found = [(*_with_times(whole[0][alone], whole[1][alone], times[0], times[-1]), np.flatnonzero(alone))]
     count = 1
     while len(rest):
         cuts = np.linspace(times[0], times[-1], count + 1)
@@ -120,14 +120,14 @@ def split_in_time(
             2 * count > limit
         )
         for part, (start, end) in zip(parts, pairwise(cuts), strict=True):
-            found.append((*_timed(part[0][fits], part[1][fits], start, end), rest[fits]))
+            found.append((*_with_times(part[0][fits], part[1][fits], start, end), rest[fits]))
         rest, count = rest[~fits], 2 * count
     lows, highs, number = (np.concatenate(parts) for parts in zip(*found, strict=True))
     order = np.lexsort((lows[:, 3], number))
     return lows[order], highs[order], number[order]
 
 
-def _timed(low: NDArray, high: NDArray, start: float, end: float) -> tuple[NDArray, NDArray]:
+def _with_times(low: NDArray, high: NDArray, start: float, end: float) -> tuple[NDArray, NDArray]:
     """Return boxes with times as fourth coordinate."""
     column = np.ones((len(low), 1))
     return np.concatenate([low, start * column], axis=1), np.concatenate([high, end * column], axis=1)

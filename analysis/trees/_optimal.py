@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.trees import _boxes
-from analysis.trees._structure import Tree, fitted, tree_given
+from analysis.trees._structure import Tree, fit, validate_tree
 from analysis.trees._structure import levels as by_level
 from qmcjax.core import checks
 
@@ -55,20 +55,20 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
     >>> summed_area(better) < 0.99 * summed_area(tree)
     True
     """
-    tree_given(tree)
+    validate_tree(tree)
     most = checks.integer("leaves", leaves, 3, 8)
     top = None if levels is None else checks.integer("levels", levels, 1, 2**62)
     if tree.size < 3:
         return tree
     children, low, high = tree.children.copy(), np.array(tree.low), np.array(tree.high)
     for nodes in _upper(tree, top):
-        below, inner, many = _opened(children, nodes, most)
+        below, inner, many = _open(children, nodes, most)
         for count in range(3, most + 1):
             rows = np.flatnonzero(many == count)
             for part in (rows[k : k + _CHUNK] for k in range(0, len(rows), _CHUNK)):
                 if len(part):
                     _arrange(children, low, high, tree.times, below[part, :count], inner[part, : count - 1])
-    return fitted(children, low[..., : tree.size, :], high[..., : tree.size, :], tree.times)
+    return fit(children, low[..., : tree.size, :], high[..., : tree.size, :], tree.times)
 
 
 def _upper(tree: Tree, top: int | None) -> list[NDArray[np.int64]]:
@@ -77,7 +77,7 @@ def _upper(tree: Tree, top: int | None) -> list[NDArray[np.int64]]:
     return found if top is None else found[-top:]
 
 
-def _opened(children: NDArray, nodes: NDArray, most: int) -> tuple[NDArray, NDArray, NDArray]:
+def _open(children: NDArray, nodes: NDArray, most: int) -> tuple[NDArray, NDArray, NDArray]:
     """Return the leaves of subtrees, (s, most), their inner nodes, root first, and the numbers of leaves."""
     count = len(children) + 1
     queue = np.full((len(nodes), 2 * most - 1), -1)
@@ -101,7 +101,7 @@ def _arrange(
 ) -> None:
     """Make subtrees over the same number of ends optimal, in place: (s, m) and (s, m - 1)."""
     count, many = len(children) + 1, ends.shape[1]
-    best, choice, lows, highs = arranged(low[..., ends, :], high[..., ends, :], times)
+    best, choice, lows, highs = best_arrangement(low[..., ends, :], high[..., ends, :], times)
     before = _boxes.measure(low[..., inner, :], high[..., inner, :], times).sum(axis=1)
     rows = np.flatnonzero(best < before * (1 - _GAIN))
     sets = np.zeros((len(rows), many - 1), np.int64)
@@ -121,7 +121,7 @@ def _arrange(
         high[..., inner[rows, place], :] = highs[..., sets[:, place], rows, :]
 
 
-def arranged(
+def best_arrangement(
     low: NDArray, high: NDArray, times: NDArray | None = None
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
     """Return the smallest sum of areas of inner nodes over m boxes, (..., s, m, d), and the splits for it.

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.trees import _boxes
-from analysis.trees._levels import grown
-from analysis.trees._structure import Tree, fitted
+from analysis.trees._levels import grow
+from analysis.trees._structure import Tree, fit
 from qmcjax.core.parameters import numbers, require
 
 _CHUNK = 2**19
@@ -42,7 +42,7 @@ def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) ->
     >>> print(tree.children.tolist())
     [[0, 2], [3, 1]]
     """
-    low, high = _boxes.still(low, high)
+    low, high = _boxes.still_boxes(low, high)
     part = float(numbers("fill", fill))
     require("fill", part, lambda f: (f >= 0) & (f <= 0.5), "in [0, 0.5]")
 
@@ -55,7 +55,7 @@ def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) ->
             second[boxes] = side
         return first, second
 
-    return fitted(grown(np.arange(len(low))[None], split), low, high)
+    return fit(grow(np.arange(len(low))[None], split), low, high)
 
 
 def _halves(low: NDArray, high: NDArray, least: int) -> NDArray[np.bool_]:

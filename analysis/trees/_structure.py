@@ -41,7 +41,7 @@ class Tree:
         return len(self.children) + 1
 
 
-def tree_given(value: Any) -> Tree:
+def validate_tree(value: Any) -> Tree:
     """Return a tree, or raise a TypeError."""
     if not isinstance(value, Tree):
         raise TypeError(f"tree must be a Tree, got {checks.shown(value)}")
@@ -68,7 +68,7 @@ def levels(children: NDArray) -> Iterator[NDArray[np.int64]]:
     yield from np.split(order + len(children) + 1, np.flatnonzero(np.diff(inner[order])) + 1)
 
 
-def fitted(children: NDArray, low: NDArray, high: NDArray, times: NDArray | None = None) -> Tree:
+def fit(children: NDArray, low: NDArray, high: NDArray, times: NDArray | None = None) -> Tree:
     """Return a tree with the boxes of its leaves, renumbered: children before their parents."""
     count = len(children) + 1
     number = np.arange(2 * count - 1)
@@ -114,11 +114,11 @@ def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | Non
     >>> print(tree.low[:, -1].tolist())
     [[0.0, 0.0, 0.0], [4.0, 4.0, 4.0]]
     """
-    tree_given(tree)
-    given: Any = _boxes.still(low, high) if times is None else _boxes.moving(low, high, times)
+    validate_tree(tree)
+    given: Any = _boxes.still_boxes(low, high) if times is None else _boxes.moving_boxes(low, high, times)
     if given[0].shape[-2] != tree.size:
         raise ValueError(f"low must have {tree.size} boxes, as many as the tree, got {given[0].shape[-2]}")
-    return fitted(tree.children, *given)
+    return fit(tree.children, *given)
 
 
 def summed_area(tree: Tree) -> float:
@@ -138,7 +138,7 @@ def summed_area(tree: Tree) -> float:
     >>> print(summed_area(surface_area_tree([[0, 0, 0], [1, 0, 0]], [[1, 1, 1], [2, 1, 1]])))
     22.0
     """
-    tree_given(tree)
+    validate_tree(tree)
     return float(_boxes.measure(tree.low, tree.high, tree.times).sum())
 
 
@@ -152,4 +152,4 @@ def node_depths(tree: Tree) -> NDArray[np.int64]:
     >>> print(node_depths(tree))
     [2 2 1 1 0]
     """
-    return depths(tree_given(tree).children)
+    return depths(validate_tree(tree).children)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.trees import _boxes
-from analysis.trees._levels import grown
-from analysis.trees._structure import Tree, fitted
+from analysis.trees._levels import grow
+from analysis.trees._structure import Tree, fit
 
 _TIE = 1e-12
 """Costs with a smaller relative difference are equal: then the more even split is taken."""
@@ -44,11 +44,11 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     >>> print(tree.children.tolist())
     [[0, 2], [3, 1]]
     """
-    low, high = _boxes.still(low, high)
-    return swept(low, high, np.argsort(low + high, axis=0, kind="stable").T)
+    low, high = _boxes.still_boxes(low, high)
+    return sweep(low, high, np.argsort(low + high, axis=0, kind="stable").T)
 
 
-def swept(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
+def sweep(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
     """Return the tree of boxes that are split along orders of them, (a, n)."""
     columns = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
 
@@ -68,7 +68,7 @@ def swept(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
                 second[boxes[side]] = True
         return first, second
 
-    return fitted(grown(rows, split), low, high)
+    return fit(grow(rows, split), low, high)
 
 
 def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from analysis.trees import _boxes
-from analysis.trees._levels import grown
-from analysis.trees._structure import Tree, fitted
+from analysis.trees._levels import grow
+from analysis.trees._structure import Tree, fit
 from qmcjax.core import checks
 
 _ROUNDS = 20
@@ -45,7 +45,7 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
     >>> print(tree.children.tolist())
     [[0, 2], [3, 1]]
     """
-    low, high = _boxes.still(low, high)
+    low, high = _boxes.still_boxes(low, high)
     tries = checks.integer("tries", tries, 1, 64)
     random = np.random.default_rng(checks.integer("key", key, 0, 2**32 - 1))
     if isinstance(norm, bool) or not isinstance(norm, int | float):
@@ -63,7 +63,7 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
             one = start + (random.uniform(size=len(start)) * length).astype(np.int64)
             more = 1 + (random.uniform(size=len(start)) * (length - 1)).astype(np.int64)
             other = start + (one - start + more) % length
-            side = _relaxed(*given, start, length, (given[2][one], given[2][other]), norm)
+            side = _relax(*given, start, length, (given[2][one], given[2][other]), norm)
             cost = _cost(*given[:2], side, start, length)
             better = cost < least
             least[better] = cost[better]
@@ -78,10 +78,10 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
         second[boxes] = best
         return length - np.where(same, length // 2, count), second
 
-    return fitted(grown(np.arange(len(low))[None], split), low, high)
+    return fit(grow(np.arange(len(low))[None], split), low, high)
 
 
-def _relaxed(
+def _relax(
     low: NDArray,
     high: NDArray,
     center: NDArray,

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.trees._boxes import between, numbers_of_rays, times_of_rays
-from analysis.trees._structure import Tree, node_depths, tree_given
+from analysis.trees._boxes import flat_rays, flat_times, interval_of_time
+from analysis.trees._structure import Tree, node_depths, validate_tree
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, require
 
@@ -53,23 +53,23 @@ def nodes_visited(
     >>> print(nodes_visited(tree, [[0.5, 0.5, -1], [-1, 0.5, 0.5]], [[0, 0, 1], [1, 0, 0]]))
     [2 3]
     """
-    tree_given(tree)
+    validate_tree(tree)
     if distance is not None:
         checks.function("distance", distance, "of numbers of rays and of leaves", 2)
-    shape, start, toward = numbers_of_rays(origin, direction)
+    shape, start, toward = flat_rays(origin, direction)
     timed = tree.times is not None or tree.low.shape[-1] == 4
     if timed and time is None:
         raise TypeError("time must be given for boxes that move, or are there for some time only, got None")
-    when = times_of_rays(time, shape) if timed else np.zeros(len(start))
+    when = flat_times(time, shape) if timed else np.zeros(len(start))
     if not len(start):
         return np.zeros(shape, np.int64)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         inverse = 1 / toward
         inverse[np.isinf(inverse)] = np.inf
-        return _counted(tree, start, inverse, when, distance).reshape(shape)
+        return _count(tree, start, inverse, when, distance).reshape(shape)
 
 
-def _counted(
+def _count(
     tree: Tree, start: NDArray, inverse: NDArray, when: NDArray, distance: Distances | None
 ) -> NDArray[np.int64]:
     rays = len(start)
@@ -87,7 +87,7 @@ def _counted(
         leaf = node < tree.size
         if distance is not None and leaf.any():
             here = active[leaf]
-            limit[here] = np.minimum(limit[here], _known(distance(here, node[leaf]), len(here)))
+            limit[here] = np.minimum(limit[here], _validate_distances(distance(here, node[leaf]), len(here)))
         inside, below = active[~leaf], tree.children[node[~leaf] - tree.size]
         first, second = (enters(inside, below[:, k]) for k in range(2))
         nearer, later = first <= second, np.maximum(first, second)
@@ -116,7 +116,7 @@ def _entries(
     tree: Tree, start: NDArray, inverse: NDArray, when: NDArray
 ) -> Callable[[NDArray, NDArray], NDArray[np.float64]]:
     """Return a function for the distances at which rays enter the boxes of nodes: inf without a hit."""
-    span, part = between(tree.times, when)
+    span, part = interval_of_time(tree.times, when)
 
     def corners(rays: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray]:
         if tree.times is None:
@@ -141,7 +141,7 @@ def _entries(
     return entries
 
 
-def _known(found: Any, count: int) -> NDArray[np.float64]:
+def _validate_distances(found: Any, count: int) -> NDArray[np.float64]:
     """Return the checked result of a user's ``distance``."""
     found = known("the result of distance", found)
     if found.shape != (count,):
@@ -191,7 +191,7 @@ def triangle_distances(
         wanted = "(k, n, 3, 3)" if moving else "(n, 3, 3)"
         raise ValueError(f"vertices must have shape {wanted}, got {corners.shape}")
     require("vertices", corners, np.isfinite, "finite")
-    shape, start, toward = numbers_of_rays(origin, direction)
+    shape, start, toward = flat_rays(origin, direction)
     numbers = None
     if number is not None:
         numbers = checks.known_array("number", number, np.integer, "integers")
@@ -205,7 +205,7 @@ def triangle_distances(
         require("times", knots, lambda t: np.isfinite(t).all() and (t[1:] > t[:-1]).all(), "increasing")
         if time is None:
             raise TypeError("time must be given for triangles that move, got None")
-        span, part = between(knots, times_of_rays(time, shape))
+        span, part = interval_of_time(knots, flat_times(time, shape))
 
     def distances(rays: NDArray[np.int64], leaves: NDArray[np.int64]) -> NDArray[np.float64]:
         at = leaves if numbers is None else numbers[leaves]

@@ -13,7 +13,7 @@ from tables import SAMPLERS, Table, few
 
 import analysis
 import qmcjax as qj
-from analysis._comparing.convergence import timed
+from analysis._comparing.convergence import time_render
 from analysis._comparing.promises import _not_uniform
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core import checks
@@ -327,12 +327,12 @@ def test_time_is_that_of_a_compiled_program(monkeypatch):
 
     def counted(*rendering):
         before = len(traces)
-        found = timed(*rendering)
+        found = time_render(*rendering)
         seconds.append(found[0])
         while_timed.append(len(traces) - before)
         return found
 
-    monkeypatch.setattr("analysis._comparing.compare.timed", counted)
+    monkeypatch.setattr("analysis._comparing.compare.time_render", counted)
     made = {"new": lambda key: Plug(lambda x, y, s: traced(x, y, s))}
     result = analysis.compare(made, {"disc": scenes.disc()}, [4], width=SIDE, height=SIDE, keys=2)
     assert while_timed == [0, 0, 0] and len(traces) > 2

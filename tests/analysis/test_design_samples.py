@@ -6,7 +6,7 @@ import pytest
 from refusals import refused
 
 from analysis import Filter, design_samples, expected_error
-from analysis._design.design_samples import turned
+from analysis._design.design_samples import turn
 from qmcjax import samplers
 from qmcjax.samplers.turned_tiles import stratified
 
@@ -81,7 +81,7 @@ def test_interrupted_runs_go_on_to_the_same_bits(tmp_path):
 
 def test_turns_of_arrays_are_those_of_the_sampler():
     points = np.random.default_rng(1).random((5, 4)).astype(np.float32)
-    quarter = jax.jit(turned)(points, np.array([0.25, 0.0], np.float32))
+    quarter = jax.jit(turn)(points, np.array([0.25, 0.0], np.float32))
     expected = np.concatenate([1 - points[:, 1:2], points[:, :1], points[:, 2:]], axis=1)
     np.testing.assert_allclose(quarter, expected, atol=1e-6)
 

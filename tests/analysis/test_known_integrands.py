@@ -9,7 +9,7 @@ from scipy import stats
 
 import qmcjax as qj
 from analysis import Filter, design_samples, expected_error, filtered_error
-from analysis._design.images import Rendered, blurred
+from analysis._design.images import Rendered, blur
 from qmcjax import samplers, scenes
 
 SHAPE = (12, 8, 3, 2)
@@ -90,7 +90,7 @@ def test_derivatives_of_blurred_jumps_are_densities():
     width = 0.05
 
     def total(points):
-        made = blurred(image, jax.random.key(5), jnp.float32(width)).values(points)
+        made = blur(image, jax.random.key(5), jnp.float32(width)).values(points)
         return jnp.sum(made), made
 
     found, values = jax.jit(jax.grad(total, has_aux=True))(points)

@@ -8,7 +8,7 @@ from refusals import refused
 from tables import each
 
 import analysis
-from analysis._searches.optimize_scrambling import relaxed
+from analysis._searches.optimize_scrambling import relax
 from qmcjax import sequences
 
 
@@ -54,7 +54,7 @@ def random_scrambling(points, rng):
 def test_hard_numbers_are_nested_permutations():
     """All ways to flip the digits of four points: what a loop over points and digits gives, 0 and 1."""
     given = net(2)
-    form = relaxed(given)
+    form = relax(given)
     for code in range(2**6):
         flipped = np.array([code >> k & 1 for k in range(6)]).reshape(2, 3)
         expected = np.empty((4, 2))
@@ -68,7 +68,7 @@ def test_hard_numbers_are_nested_permutations():
 
 def test_between_lies_the_mean_over_coins():
     """Point by point: of all 8 scramblings of a coordinate, weighted by their probabilities."""
-    form, s = relaxed(net(2)), np.array([0.3, 0.6, 0.9])
+    form, s = relax(net(2)), np.array([0.3, 0.6, 0.9])
     mean = np.zeros((4, 2))
     with jax.enable_x64(True):
         for code in range(8):
@@ -79,7 +79,7 @@ def test_between_lies_the_mean_over_coins():
 
 
 def test_gradient_is_that_of_finite_differences():
-    form, rng = relaxed(net(3)), np.random.default_rng(1)
+    form, rng = relax(net(3)), np.random.default_rng(1)
     kept, step = rng.uniform(-1, 1, (2, 7)), 1e-6
     with jax.enable_x64(True):
         value = jax.jit(lambda kept: warnock(form(kept)))
@@ -114,7 +114,7 @@ def test_the_best_of_a_small_net_is_found():
     """Of all 64 scramblings of four points, and under every one of some keys."""
     given = net(2)
     with jax.enable_x64(True):
-        form = relaxed(given)
+        form = relax(given)
         codes = (1.0 - 2.0 * np.array([[c >> k & 1 for k in range(6)] for c in range(64)])).reshape(64, 2, 3)
         best = float(jax.lax.map(lambda c: warnock(form(c)), jnp.asarray(codes)).min())
     found = [analysis.optimize_scrambling(given, warnock, 20, key).values[-1] for key in range(4)]

@@ -13,7 +13,7 @@ from tables import some
 
 import analysis
 import qmcjax as qj
-from analysis._design.images import Rendered, blurred
+from analysis._design.images import Rendered, blur
 from qmcjax import orders, samplers, scenes, sequences, tracing
 from qmcjax.core import devices
 from qmcjax.core.parameters import moves_an_edge
@@ -125,7 +125,7 @@ def refused(x):
 def of_blurred(points):
     """Return the sum of a linear function."""
     made = Rendered(lambda points: 3 * points[..., :1] - points[..., 1:], np.zeros((1, 1, 1, 1)))
-    return blurred(made, jax.random.key(5), jnp.float64(1e-3)).values(points[None, None, None]).sum()
+    return blur(made, jax.random.key(5), jnp.float64(1e-3)).values(points[None, None, None]).sum()
 
 
 RULES = {

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from figures.catalogue import CATALOGUE, OURS
 from figures.docs.public import MODULES, names
 
 ROOT = Path(__file__).parents[2]
@@ -53,3 +54,14 @@ def test_public_functions_and_classes_have_docstrings(module):
     # Dataclasses and tuples without one get their signature.
     silent += [name for name in kinds["classes"] if (getattr(of, name).__doc__ or "").startswith(f"{name}(")]
     assert not silent
+
+
+def test_every_figure_of_a_paper_has_a_section():
+    """The page names existing figures only, and each figure of a paper by itself or in a range."""
+    text = (ROOT / "figures" / "docs" / "papers.rst").read_text(encoding="utf-8")
+    named = set(re.findall(r"``((?:hilbert|z|thesis)-[\w.-]+)``", text))
+    figures = [name for name in CATALOGUE if name not in OURS]
+    assert named <= set(figures)
+    for first, last in re.findall(r"``([\w.-]+)`` to ``([\w.-]+)``", text):
+        named |= set(figures[figures.index(first) : figures.index(last) + 1])
+    assert named == set(figures)

@@ -1,12 +1,14 @@
-"""Words: against strings of digits, matrices over F2, and the definition of a nested permutation."""
+"""Words of 32 bits against digits and matrices, and what is traced once."""
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from qmcjax.core import bits
+from qmcjax.core.bits import traced_once
 
 WORDS = np.random.default_rng(0).integers(0, 2**32, 500, dtype=np.uint32)
 CORNERS = np.array([0, 1, 2, 255, 256, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, 0xFFFFFF80, 0xFFFFFFFF], np.uint32)
@@ -66,3 +68,23 @@ def test_to_unit_rounds_down_and_stays_below_one(dtype):
 def test_to_unit_refuses_other_dtypes():
     with pytest.raises(ValueError, match=r"dtype must be float32 or float64, got .*float16"):
         bits.to_unit(jnp.uint32(1), jnp.float16)
+
+
+def test_a_function_is_traced_once_and_taken_over():
+    """Its operations are those of the program that calls it; NumPy's arrays need no program."""
+    traces = []
+
+    @traced_once
+    def twice(word):
+        traces.append(type(word))
+        return word + word
+
+    words = np.arange(4, dtype=np.uint32)
+    assert isinstance(twice(words), np.ndarray) and traces == [np.ndarray]
+    made = jax.jit(lambda word: twice(twice(word))).lower(words).as_text()
+    assert made.count("stablehlo.add") == 2 and "call" not in made and len(traces) == 2
+    np.testing.assert_array_equal(jax.vmap(twice)(jnp.stack([words, words])), [2 * words] * 2)
+    np.testing.assert_array_equal(twice(jnp.asarray(words)), 2 * words)
+    assert len(traces) == 2
+    twice(jnp.asarray(words[:3]))
+    assert len(traces) == 3

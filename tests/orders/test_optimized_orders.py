@@ -1,7 +1,6 @@
 """Orders with searched permutations: the closed form that was descended, its tables, and what they do."""
 
 from importlib import resources
-from itertools import permutations
 
 import jax
 import jax.numpy as jnp
@@ -168,33 +167,6 @@ def test_covariances_are_those_of_random_half_planes_and_scramblings(log_count):
 
 
 @pytest.mark.slow
-def test_changes_are_differences_of_energies():
-    """Of quadrants that are exchanged, and of the last digits of one number."""
-    pairs, rng = make.filter_pairs(), np.random.default_rng(1)
-    numbers = make.random_order(4, rng)
-    covariance = make.covariances(1, 8)
-    before = make.energy(covariance, pairs, numbers, 0) * numbers.size
-    for left, top, half, one, other in ((4, 8, 2, 0, 3), (0, 0, 8, 2, 1), (14, 14, 1, 1, 3)):
-        moved, flipped, total = numbers.copy(), (left, top, half, one, other), 0.0
-        corner = [numbers[top + (q >> 1) * half, left + (q & 1) * half] for q in (one, other)]
-        flip = (corner[0] ^ corner[1]) & (3 * half * half)
-        for q in (one, other):
-            for y in range(top + (q >> 1) * half, top + (q >> 1) * half + half):
-                for x in range(left + (q & 1) * half, left + (q & 1) * half + half):
-                    total += make.change(covariance, pairs, numbers, 0, flipped, x, y, flip)
-                    moved[y, x] ^= flip
-        assert np.array_equal(np.unique(moved), np.arange(256))
-        after = make.energy(covariance, pairs, moved, 0) * numbers.size
-        assert total == pytest.approx(after - before, abs=1e-3)
-    numbers <<= 2
-    tile = make.covariances(1, 9)
-    before = make.energy(tile, pairs, numbers, 1) * numbers.size
-    changed = make.change(tile, pairs, numbers, 1, (0, 0, 0, 0, 0), 5, 15, 2)
-    numbers[15, 5] ^= 2
-    assert changed == pytest.approx(make.energy(tile, pairs, numbers, 1) * numbers.size - before, abs=1e-3)
-
-
-@pytest.mark.slow
 def test_the_program_of_the_tables(monkeypatch):
     """In small: it finds the same again, and what the sampler reads."""
     monkeypatch.setattr(make, "LOG_SIDE", 3)
@@ -207,14 +179,3 @@ def test_the_program_of_the_tables(monkeypatch):
     assert np.array_equal(make.packed(positions), found["permutations"][1])
     assert np.array_equal(numbers, ranks["ranks"][1])
     assert np.array_equal(np.unique(positions), np.arange(64)) and numbers.max() == 1
-
-
-def test_random_orders_are_hierarchical():
-    numbers = make.random_order(3, np.random.default_rng(1))
-    assert np.array_equal(np.unique(numbers), np.arange(64))
-    for k in (1, 2):
-        squares = (numbers >> 2 * k).reshape(8 >> k, 2**k, 8 >> k, 2**k)
-        assert np.all(squares == squares[:, :1, :, :1])
-    assert {sum(d << 2 * q for q, d in enumerate(p)) for p in permutations(range(4))} >= set(
-        make.packed(numbers).tolist()
-    )

@@ -1,4 +1,4 @@
-"""Integrals over boxes, against scipy and closed forms, and their derivatives."""
+"""Integrands: over boxes, which may be infinite, and with values of any structure."""
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ from tables import few, slow
 
 import qmcjax as qj
 from qmcjax import sequences
+from qmcjax.integration._means import columns, joined, of_columns
 
 INF = np.inf
 BOXES = {
@@ -123,3 +124,26 @@ test_bad_bounds_are_named = refused(
         r"NaN or infinity at point 1, \(1.0\)",
     ),
 )
+
+
+VALUES = {
+    "a": np.arange(6, dtype=np.float64).reshape(3, 2),
+    "b": (np.array([1 + 2j, 3 - 1j, -2j]), np.arange(3, dtype=np.int32)),
+}
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_columns_become_the_values_again(xp):
+    with jax.enable_x64(True):
+        found = of_columns(xp.asarray(columns(VALUES, np.dtype(np.float64))), VALUES, np.dtype(np.float64))
+    for leaf, wanted in zip(jax.tree.leaves(found), jax.tree.leaves(VALUES), strict=True):
+        assert isinstance(leaf, np.ndarray if xp is np else jax.Array)
+        np.testing.assert_array_equal(leaf, wanted)
+        assert leaf.dtype == (np.complex128 if np.iscomplexobj(wanted) else np.float64)
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_infinite_imaginary_parts_leave_real_parts_alone(xp):
+    made = np.asarray(joined(xp.asarray([1.0, 0.0]), xp.asarray([np.inf, -np.inf])))
+    np.testing.assert_array_equal(made.real, [1, 0])
+    np.testing.assert_array_equal(made.imag, [np.inf, -np.inf])

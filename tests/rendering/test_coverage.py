@@ -7,7 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
 from scipy import stats
+from tables import slow, some
 
 import qmcjax as qj
 from figures.shared.integrands import coverage
@@ -98,19 +100,6 @@ def test_a_constant_has_no_standard_error():
     assert (low, high) == (3 - 3 * 2.0**-23, 3 + 3 * 2.0**-23)
 
 
-@pytest.mark.slow
-def test_counts_that_agree_by_chance():
-    """Each of 16 replicates is 100 / 256 with a probability of 0.95, else 101 / 256."""
-    exact, trials = 100.05 / 256, 60
-    step = partial(below, edge=exact)
-    found = [qj.integrate(step, sequences.sobol(1), 256, replicates=16, key=key) for key in range(trials)]
-    for level in (0.9, 0.95):
-        intervals = [map(float, each.interval(level)) for each in found]
-        held = np.mean([low <= exact <= high for low, high in intervals])
-        assert held >= level - slack(level, trials)
-        assert float(found[0].standard_error) < 1 / 256
-
-
 def test_parts_of_trees_have_their_own_rounding():
     """Of float16 its epsilon, of float32 another; complex numbers have one for each part."""
 
@@ -183,3 +172,46 @@ def test_the_error_of_passes_counts_what_rounding_adds():
 def test_errors_of_passes_are_standard_errors():
     found = [passes_of(key, 16) for key in range(100)]
     check_student([(float(p.image[0, 0]) - HARD["smooth"][1]) / float(p.error) for p in found], 3)
+
+
+SCENES = {name: getattr(scenes, name)() for name in ("disc", "soft_shadow")}
+SCENES |= {"zone_plate": scenes.zone_plate(10.0), "path_toy": scenes.path_toy(2)}
+SCENES["constant"] = scenes.disc((5.0, 5.0), 0.1)
+
+
+@pytest.mark.parametrize("spp", [128, *slow(8192)])
+@some("scene", SCENES, "disc", "soft_shadow")
+def test_no_error_is_beyond_the_bound(scene, spp):
+    """Nor is the bound useless: below 50 of the largest error."""
+    image, bound = qj.estimated_reference(scene, 12, 9, spp, key=1)
+    exact, rest = scene.reference(12, 9)
+    assert image.shape == (9, 12)
+    assert image.dtype == np.float64
+    error = abs(image - exact).max()
+    assert error <= bound + rest
+    assert bound <= 50 * (error + rest)
+
+
+def colours(point):
+    return jnp.stack([point[..., 0], point[..., 1], point[..., 0] * point[..., 2]], axis=-1)
+
+
+def test_colours_in_float32_by_a_key():
+    scene = scenes.function(colours, ("x", "y", "time"))
+    image, bound = qj.estimated_reference(scene, 4, 2, 256, jax.random.key(3), dtype=jnp.float32)
+    assert image.shape == (2, 4, 3)
+    x, y = np.meshgrid((np.arange(4) + 0.5) / 4, (np.arange(2) + 0.5) / 2)
+    assert abs(image - np.stack([x, y, x / 2], axis=-1)).max() < bound < 0.02
+    again, _ = qj.estimated_reference(scene, 4, 2, 256, 3, dtype=jnp.float32)
+    np.testing.assert_array_equal(image, again)
+    other, _ = qj.estimated_reference(scene, 4, 2, 256, 4, dtype=jnp.float32)
+    assert (image != other).any()
+
+
+test_bad_input_is_named = refused(
+    (ValueError, (4, 4, 100, 1), "spp must be a multiple of the 16 replicates, got 100"),
+    (ValueError, (4, 4, 8, 1), r"spp must be an integer in \[16, .* got 8"),
+    (ValueError, (0, 4, 16, 1), "width must be .* got 0"),
+    (TypeError, (4, 4, 16, "a"), "key must be .* got 'a'"),
+    call=lambda args: qj.estimated_reference(scenes.disc(), *args),
+)

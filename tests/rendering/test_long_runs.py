@@ -1,8 +1,10 @@
-"""Runs that are killed go on to the same bits; passes end with the time."""
+"""Runs that are killed go on to the same bits; passes end with the time; the bar shows what remains."""
 
+import io
 import math
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -216,3 +218,52 @@ def test_killed_at_random_moments(tmp_path):
     assert float(reports[0]) > last
     assert bytes.fromhex(reports[-1].decode()) == np.asarray(image(spp=SAMPLES)).tobytes()
     assert os.listdir(tmp_path) == ["state"]
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """Return the seconds that tqdm sees, as a list of one."""
+    now = [1000.0]
+    monkeypatch.setattr("tqdm.std.time", lambda: now[0])
+    return now
+
+
+def test_what_remains(monkeypatch, clock):
+    """Of a run that begins at 40 %, and takes a minute for each 10 %."""
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    report = qj.progress_bar("image: ")
+    for part in range(4, 11):
+        report(part / 10)
+        clock[0] += 60
+    shown = [line for line in terminal.getvalue().split("\r") if line]
+    assert re.match(r"image: +40%\|.*\| 00:00<\?", shown[0])
+    assert any(re.match(r"image: +60%\|.*\| 02:00<04:00", line) for line in shown)
+    assert re.match(r"image: +100%\|.*\| 06:00<00:00", shown[-1])
+
+
+def test_nothing_where_nobody_looks(monkeypatch):
+    log = io.StringIO()
+    monkeypatch.setattr("sys.stderr", log)
+    report = qj.progress_bar()
+    report(0.5)
+    report(1.0)
+    assert log.getvalue() == ""
+
+
+def test_a_second_computation_has_a_bar_of_its_own(monkeypatch, clock):
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    report = qj.progress_bar()
+    for part in (0.5, 1.0, 0.5, 0.25, 1.0):
+        report(part)
+        clock[0] += 60
+    assert terminal.getvalue().count("100%") >= 2
+    assert re.search(r" 25%\|[^|]*\| 00:00<\?", terminal.getvalue()), "less than before is a new beginning"
+    with pytest.raises(TypeError, match="label must be a str, got 3"):
+        qj.progress_bar(3)

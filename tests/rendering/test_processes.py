@@ -4,20 +4,23 @@ import hashlib
 import signal
 import subprocess
 import sys
+from functools import partial
 
 import jax
 import numpy as np
 import pytest
 import tables
+from test_sharding import DIFFERENTIATED, SPREAD, compiled_derivative
 
-import analysis
 import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import samplers, scenes, sequences
 
 pytestmark = pytest.mark.slow
 
-WIDTH, HEIGHT, SPP = 40, 25, 16
-LONG = 2**12
+COMPUTED = (
+    *("render", "render_adaptive", "render_passes", "convergence", "estimated_reference"),
+    *("derivative of render", "derivative of integrate"),
+)
 
 START = """
 import sys
@@ -43,51 +46,12 @@ test_processes.kept(mesh, paths[0], lambda part: print("part", part, flush=True)
 """
 
 
-def one_pass(key):
-    order = orders.hilbert(WIDTH, HEIGHT)
-    return samplers.contiguous(order, sequences.digital_shift(sequences.sobol(2), key), SPP)
-
-
-SCENE, SIZE = scenes.disc(), (WIDTH, HEIGHT)
-COMPUTED = {
-    "image": lambda mesh: qj.render(SCENE, one_pass(jax.random.key(1)), *SIZE, SPP, mesh=mesh),
-    "adaptive": lambda mesh: qj.render_adaptive(SCENE, one_pass(jax.random.key(1)), *SIZE, SPP, mesh=mesh),
-    "passes": lambda mesh: qj.render_passes(SCENE, samplers.randomized(one_pass, 1), *SIZE, 2, mesh=mesh),
-    "sweep": lambda mesh: sweep(mesh),
-    "reference": lambda mesh: qj.estimated_reference(SCENE, *SIZE, 16, 1, mesh=mesh),
-    "derivatives": lambda mesh: derivatives(mesh),
-}
-
-
 def computed(mesh, *names):
     """Return digests of what is computed over devices."""
-    return {name: digest(COMPUTED[name](mesh)) for name in names}
-
-
-def derivatives(mesh):
-    """Return that of an image in reverse, and that of an integral forward."""
-    sampler, sequence = samplers.independent(sequences.sobol(2), 1, "xor"), sequences.sobol(2)
-
-    def energy(f):
-        return (qj.render(scenes.zone_plate(f), sampler, WIDTH, HEIGHT, SPP, mesh=mesh) ** 2).sum()
-
-    def mean(x):
-        return qj.integrate(lambda p: jax.numpy.exp(-((p - x) ** 2).sum(-1)), sequence, 2**21 + 77, mesh=mesh)
-
-    return jax.grad(energy)(jax.numpy.float32(20)), jax.jacfwd(mean)(jax.numpy.float32(0.3))
-
-
-def sweep(mesh, **given):
-    """Return the errors of a sweep: four images, which three processes cannot share evenly."""
-    compared = {
-        name: samplers.independent(sequences.sobol(2), key, "xor") for name, key in (("a", 1), ("b", 2))
+    of = SPREAD | {
+        f"derivative of {name}": partial(compiled_derivative, make) for name, make in DIFFERENTIATED.items()
     }
-    table = analysis.convergence(
-        scenes.disc(), compared, [1, 4], width=WIDTH, height=HEIGHT, repeats=1, mesh=mesh, **given
-    )
-    assert [(row.sampler, row.spp) for row in table.rows] == [("a", 1), ("a", 4), ("b", 1), ("b", 4)]
-    assert all(row.seconds > 0 for row in table.rows)
-    return [tuple(row.errors.values()) for row in table.rows]
+    return {name: digest(of[name](mesh=mesh)) for name in names}
 
 
 def digest(values):
@@ -99,9 +63,7 @@ def digest(values):
 
 def kept(mesh, path, progress):
     sampler = samplers.independent(sequences.sobol(2), 1, "xor")
-    return qj.render(
-        scenes.disc(), sampler, WIDTH, HEIGHT, LONG, mesh=mesh, checkpoint=path, progress=progress
-    )
+    return qj.render(scenes.disc(), sampler, 40, 25, 2**12, mesh=mesh, checkpoint=path, progress=progress)
 
 
 def start(code, *paths, count, each=None):
@@ -124,7 +86,7 @@ def test_as_by_one_process():
     """Three cannot share anything evenly."""
     expected = [f"made {name} {value}" for name, value in computed(None, *COMPUTED).items()]
     for process in start(COMPUTE, *COMPUTED, count=3):
-        stdout, stderr = process.communicate(timeout=120)
+        stdout, stderr = process.communicate(timeout=300)
         assert process.returncode == 0, stderr
         assert [line for line in stdout.splitlines() if line.startswith("made ")] == expected
 
@@ -154,6 +116,6 @@ def test_a_checkpoint_that_not_all_see(tmp_path):
     jax.block_until_ready(kept(None, mine, None))
     processes = start(KEEP, count=2, each=[str(mine), str(tmp_path / "yours")])
     for process in processes:
-        _, stderr = process.communicate(timeout=120)
+        _, stderr = process.communicate(timeout=300)
         assert process.returncode == 1
         assert "checkpoint must be a file that all processes of the mesh see" in stderr

@@ -12,7 +12,6 @@ import pytest
 import tables
 from jax.sharding import AxisType, Mesh, NamedSharding
 from jax.sharding import PartitionSpec as P
-from tables import some
 
 import analysis
 import qmcjax as qj
@@ -64,23 +63,33 @@ def check(mesh, function, mapped):
     np.testing.assert_array_equal(on_two(mapped), jit(jax.vmap(function))(mapped))
 
 
-@pytest.mark.slow
-@some("scene", {"smooth": scenes.zone_plate(10.0), "edges": scenes.checkerboard()}, "edges")
-def test_keys_over_devices(mesh, scene):
-    check(mesh, partial(image, scene), jax.random.split(jax.random.key(1), 4))
+def edges(key):
+    sequence = sequences.owen(sequences.van_der_corput(), key)
+    return qj.boundary_gradient(scenes.disc(), sequence, SIDE, SIDE, 256).radius
+
+
+FREQUENCIES = jnp.array([10.0, 20.0, 30.0, 40.0], jnp.float32)
+OVER_DEVICES = {
+    "smooth": (partial(image, scenes.zone_plate(10.0)), 4),
+    "edges": (partial(image, scenes.checkerboard()), 4),
+    **{
+        name: (lambda key, make=make: qj.render(scenes.step(), make(key), SIDE, SIDE, SPP), 2)
+        for name, make in SAMPLERS.items()
+    },
+    "scenes": (plate, FREQUENCIES),
+    "gradients": (gradient, FREQUENCIES),
+    "mean": (lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 5000), 2),
+    "many points": (lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 2**21), 2),
+    "boundary gradient": (edges, 2),
+}
+"""Functions, and what they are mapped over: an array, or so many keys."""
 
 
 @pytest.mark.slow
-@some("make", SAMPLERS, "z")
-def test_samplers_over_devices(mesh, make):
-    render = lambda key: qj.render(scenes.step(), make(key), SIDE, SIDE, SPP)  # noqa: E731
-    check(mesh, render, jax.random.split(jax.random.key(1), 2))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("function", [plate, gradient])
-def test_scenes_over_devices(mesh, function):
-    check(mesh, function, jnp.array([10.0, 20.0, 30.0, 40.0], jnp.float32))
+@pytest.mark.parametrize("name", OVER_DEVICES)
+def test_functions_over_devices(mesh, name):
+    function, over = OVER_DEVICES[name]
+    check(mesh, function, jax.random.split(jax.random.key(1), over) if isinstance(over, int) else over)
 
 
 def test_rows_over_devices(mesh):
@@ -122,20 +131,6 @@ def test_one_parameter_for_all_devices(mesh):
     assert float(made) == pytest.approx(float(plain), rel=1e-5)
 
 
-@pytest.mark.slow
-def test_means_and_edges_over_devices(mesh):
-    keys = jax.random.split(jax.random.key(1), 2)
-    check(mesh, lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 5000), keys)
-
-    def edges(key):
-        sequence = sequences.owen(sequences.van_der_corput(), key)
-        return qj.boundary_gradient(scenes.disc(), sequence, SIDE, SIDE, 256).radius
-
-    check(mesh, edges, keys)
-    many = lambda key: qj.integrate(scenes.zone_plate(3.0), sequences.owen(SOBOL, key), 2**21)  # noqa: E731
-    check(mesh, many, keys)
-
-
 XOR = partial(samplers.independent, SOBOL, randomize="xor")
 FRESH = samplers.randomized(lambda key: samplers.z(24, 17, SPP, key), 1)
 Z = samplers.z(24, 17, SPP, 1)
@@ -152,13 +147,18 @@ SPREAD = {
     "boundary_gradient": partial(
         qj.boundary_gradient, scenes.disc(), sequences.van_der_corput(), *LARGE, 2**13
     ),
-    "convergence": lambda mesh: (
-        analysis.convergence(scenes.disc(), {"xor": XOR(1)}, [4], width=24, height=17, repeats=1, mesh=mesh)
-        .rows[0]
-        .errors
-    ),
+    "convergence": lambda mesh: sweep(mesh),
     "pixel_means": partial(analysis.pixel_means, lambda p: p[..., 0] * p[..., 1], Z, *LARGE, SPP),
 }
+
+
+def sweep(mesh):
+    """Return the errors of a sweep: four images, which three processes cannot share evenly."""
+    compared = {"a": XOR(1), "b": XOR(2)}
+    table = analysis.convergence(scenes.disc(), compared, [1, 4], width=24, height=17, repeats=1, mesh=mesh)
+    assert [(row.sampler, row.spp) for row in table.rows] == [("a", 1), ("a", 4), ("b", 1), ("b", 4)]
+    assert all(row.seconds > 0 for row in table.rows)
+    return [tuple(row.errors.values()) for row in table.rows]
 
 
 def every_derivative(function, mesh):

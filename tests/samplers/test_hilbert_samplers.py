@@ -126,14 +126,6 @@ def test_partitions_of_a_zero_sequence_are_zero_sequences():
                 assert np.array_equal(np.sort(cells, axis=1), np.tile(np.arange(3**k), (81, 1)))
 
 
-@pytest.mark.slow
-def test_errors_of_a_stuck_component_stay():
-    with pytest.warns(UserWarning, match="component 2 "):
-        sampler = samplers.segments(orders.hilbert(8, 8), sequences.components(HALTON, (1, 2, 0, 3)), 1)
-    error = np.abs(qj.render(Product(), sampler, 8, 8, 4096) - 0.25)
-    assert np.sqrt(np.mean(error**2)) > 0.1
-
-
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 @pytest.mark.parametrize("name", ["halton shifts lattice", "sobol shifts lattice", "halton shifts halton"])
 def test_shifts_are_exact(name, dtype):

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, pairs_are_uniform, points_of, slow, slow_cases
+from tables import first, points_of, slow, slow_cases
 
 import analysis
 from figures.ours import space_time
@@ -219,38 +219,6 @@ def test_more_points_than_a_word_has_are_those_of_sobol_s_sequence():
         assert np.array_equal(sampler(x, y, sample, (0, 1, 2)), expected)
 
 
-@pytest.mark.slow
-def test_bits_are_those_of_a_compiled_program_of_any_key():
-    traces = []
-
-    @jax.jit
-    def points(sampler, x):
-        traces.append(1)
-        return sampler(x, np.uint32(3), np.uint32(1), (0, 1, 2, 3, 4))
-
-    for key in (1, 2):
-        sampler = samplers.optimized(32, 32, 4, key, 5)
-        assert np.array_equal(points(sampler, first(32)), sampler(first(32), 3, 1, (0, 1, 2, 3, 4)))
-    assert len(traces) == 1
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dims", [4, 8])
-def test_samples_are_uniform_over_the_keys(dims):
-    """One sample of one pixel: chi-squares of 16 boxes, and the mean of a product."""
-    n = 4096
-
-    @jax.jit
-    @jax.vmap
-    def drawn(key):
-        return samplers.optimized(32, 32, 4, key, dims)(5, 9, 2, tuple(range(dims)))
-
-    found = np.asarray(drawn(jax.random.split(jax.random.key(7), n)))
-    pairs_are_uniform(found, [(0, 1), (2, 3), (0, dims - 1)], 4)
-    values = np.prod(found, axis=1)
-    assert abs(values.mean() - 2.0**-dims) < 5 * np.sqrt((3.0**-dims - 4.0**-dims) / n)
-
-
 MARGIN = 0.9
 """Of filtered errors along the Hilbert curve."""
 
@@ -312,58 +280,3 @@ def test_kernels_are_means_over_scramblings():
     slope, offset = np.polyfit(expected, found, 1)
     assert slope > 0
     np.testing.assert_allclose((np.array(found) - offset) / slope, expected, atol=2e-3)
-
-
-@pytest.mark.slow
-def test_the_objective_is_the_energy_of_all_pairs_of_pixels():
-    """A sum over xors is that over a filter of the order, and any order without a map is measured alike."""
-    of_points = make.covariances(np.asarray(sequences.niederreiter_xing(4).matrices), 0)[0]
-    xors = make.filter_xors()
-    side = 2**make.LOG_SIDE
-    y, x = np.mgrid[:side, :side]
-    position = indices(4, 1, x, y)
-    total, reach = 0.0, 7
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
-            apart = position ^ np.roll(position, (down, right), (0, 1))
-            total += np.exp(-(down**2 + right**2) / (4 * make.FILTER**2)) * of_points[apart].mean()
-    words = np.array(rows()[4, 1], np.int64)
-    assert abs(make._energy(of_points, 0, words, *xors) / total - 1) < 1e-3
-    assert total < 0.8 * make.hilbert_energy(of_points)
-
-
-moving = pytest.importorskip("analysis.tables.moving_orders", exc_type=ImportError)
-
-
-@pytest.mark.slow
-def test_the_objective_of_animations_is_that_of_images_and_that_of_points_over_time():
-    """After the filter in space alone, as ``joint_orders`` has it; blocks of frames, by their points."""
-    words, columns = moving_rows()[1]
-    sobol = np.asarray(sequences.sobol(4).matrices)
-    leading = sobol[:, :16].astype(np.int64) >> 32 - moving.DIGITS
-    pixels = np.zeros((4, 16), np.int64)
-    for bit, word in enumerate(words):
-        for k in range(16):
-            pixels[:, bit] ^= leading[:, k] * (word >> k & 1)
-    # Without the triangle, which keeps the common leading digits of frames alone.
-    frames = columns.astype(np.int64) >> 32 - moving.DIGITS
-    zeros = np.array([moving.DIGITS - int(word).bit_length() for word in range(2**moving.DIGITS)])
-    xors = make.filter_xors()
-    found = moving._energies(
-        moving.covariances(), zeros, pixels, frames, np.zeros((4, 0), np.int64), xors,
-        moving.frame_weights(),
-    )  # fmt: skip
-    of_points = np.mean(make.covariances(sobol, 0), axis=0)
-    expected = make._energy(of_points, 0, np.array(words), *xors)
-    assert abs(found[0] / expected - 1) < 2e-3
-    points = sequences.digital(columns_of(columns)).bits(first(8))
-    common = np.array([[32 - int(value).bit_length() for value in point] for point in np.asarray(points)])
-    table = moving.covariances().reshape((moving.DIGITS + 1,) * 4)
-    block = sum(float(table[tuple(np.minimum(one, moving.DIGITS))]) for one in common)
-    assert abs(found[4] / block - 1) < 1e-5
-
-
-def columns_of(columns):
-    """Return matrices with these columns first, and the identity after them."""
-    identity = np.tile(np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32), (4, 1))
-    return np.concatenate([columns.astype(np.uint32), identity[:, columns.shape[1] :]], axis=1)

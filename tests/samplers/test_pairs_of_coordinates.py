@@ -1,9 +1,10 @@
-"""First coordinates of different pairs, over a whole image: independent, or off by what docstrings say."""
+"""Pairs of coordinates: nets, and independent of each other, or off by what docstrings say."""
 
 import jax
 import numpy as np
 import pytest
 
+import analysis
 from figures.shared.rendered import padded_samplers
 from qmcjax import samplers
 from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
@@ -83,3 +84,39 @@ def test_pairs_beyond_those_of_a_sampler_are_independent():
         x, y, sample = (np.tile(X, SPP), np.tile(Y, SPP), np.repeat(np.arange(SPP, dtype=np.uint32), X.size))
         first = [padded.coordinates(padded.group(pair), x, y, sample)[0] for pair in (0, 1, 2)]
         assert np.abs(chi_squared(np.stack(first, -1)) - 1).max() < BOUND
+
+
+PIXELS, SAMPLES, DIMS = 64, 16, 5
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda sizes: padded_samplers.zero_two(sizes, 3, 4), lambda sizes: padded_samplers.ranked(sizes, 3)],
+    ids=["(0,2)", "ranked"],
+)
+def test_pairs_are_nets(make):
+    """Every pair of dimensions of a pixel's 2**m first samples is a (0,m,2)-net."""
+    points = np.asarray(
+        make(padded_samplers.pairs(DIMS))(
+            7, np.arange(4, dtype=np.uint32)[:, None], np.arange(SAMPLES), (0, 1, 2, 3)
+        )
+    )
+    for of_pixel in points:
+        for pair in (of_pixel[:, :2], of_pixel[:, 2:]):
+            assert analysis.t_value(pair) == 0
+
+
+def test_pairs_of_the_shuffled_sampler_are_in_orders_of_their_own():
+    """Products of coordinates of two pairs have the mean 1/4, within five standard errors over the pixels."""
+    x = np.arange(PIXELS**2, dtype=np.uint32)
+    points = np.asarray(
+        padded_samplers.zero_two(padded_samplers.pairs(DIMS), 3, 4)(
+            x[:, None], 5, np.arange(SAMPLES), tuple(range(DIMS))
+        ),
+        float,
+    )
+    for one, other in ((0, 2), (1, 3), (2, 4)):
+        means = np.mean(points[..., one] * points[..., other], axis=1)
+        assert abs(means.mean() - 0.25) < 5 * means.std() / np.sqrt(len(means))
+        # Where the orders are the same, or the pairs the same points, a pixel's mean varies much more.
+        assert means.std() < 0.05

@@ -4,13 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, pairs_are_uniform, slow_cases
+from tables import first, slow_cases
 
 import analysis
-import qmcjax as qj
 from analysis.tables import SAMPLERS as FOLDER
 from figures.shared.integrands import integrands_of_dims
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import orders, samplers, sequences
 
 SIDE = 64
 Y, X = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
@@ -128,36 +127,6 @@ def test_tables_are_the_two_constructions():
     assert found["pixels_2"][0, 0] == 0b11011011011011011011011011011011
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("sample", [0, 5])
-def test_each_sample_is_uniform_over_keys(sample):
-    """Chi-squares of 16 boxes of two coordinates, and the mean of a product of all."""
-    n = 4096
-
-    @jax.jit
-    @jax.vmap
-    def drawn(key):
-        return samplers.progressive(32, 32, key, dims=6)(5, 9, sample, (0, 1, 2, 3, 4, 5))
-
-    found = np.asarray(drawn(jax.random.split(jax.random.key(7), n)))
-    pairs_are_uniform(found, [(0, 1), (2, 3), (0, 2), (1, 4), (4, 5)], 4)
-    values = np.prod(found, axis=1)
-    assert abs(values.mean() - 2.0**-6) < 5 * np.sqrt((3.0**-6 - 4.0**-6) / n)
-
-
-def test_a_new_key_does_not_recompile():
-    traced = []
-
-    @jax.jit
-    def points(sampler):
-        traced.append(sampler)
-        return sampler(X, Y, 3)
-
-    found = [np.asarray(points(samplers.progressive(64, 64, key))) for key in (1, 2)]
-    assert len(traced) == 1 and np.mean(found[0] == found[1]) < 0.01
-    assert np.array_equal(found[0], samplers.progressive(64, 64, 1)(X, Y, 3))
-
-
 def product(point):
     return point[..., 0] * point[..., 1]
 
@@ -169,32 +138,6 @@ def test_images_have_the_first_samples():
     for spp in (1, 3, 4):
         mean = analysis.pixel_means(product, sampler, 8, 8, spp)
         assert np.allclose(mean, points[:, :, :spp].prod(axis=-1).mean(axis=-1), atol=1e-6)
-
-
-@pytest.mark.slow
-def test_adaptive_rendering_and_passes_take_it():
-    """Passes are images with fresh keys; adaptive rendering takes more samples where an edge is."""
-    scene, sampler = scenes.disc(), samplers.progressive(32, 32, key=1)
-    whole = np.asarray(qj.render(scene, sampler, 32, 32, 256))
-    adaptive = qj.render_adaptive(scene, sampler, 32, 32, 64)
-    assert np.ptp(np.asarray(adaptive.counts)) > 0
-    assert np.abs(np.asarray(adaptive.image) - whole).max() < 0.1
-    sampler = samplers.randomized(lambda key: samplers.progressive(32, 32, key), key=1, spp=16)
-    passes = qj.render_passes(scene, sampler, 32, 32, passes=8)
-    assert np.abs(np.asarray(passes.image) - whole).max() < 0.1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error"),
-    [
-        ({"width": 0}, r"width must be an integer in \[1, 65536\], got 0"),
-        ({"dims": 65537}, r"dims must be an integer in \[1, 65536\], got 65537"),
-        ({"key": -1}, r"key must be .* got -1"),
-    ],
-)
-def test_wrong_arguments_are_named(arguments, error):
-    with pytest.raises(ValueError, match=error):
-        samplers.progressive(**{"width": 8, "height": 8, "key": 1, **arguments})
 
 
 def filtered(sampler, spp, dims):
@@ -255,17 +198,6 @@ def test_series_are_expansions_at_the_places():
             if dims == 4:
                 cube = make.product(make.product(x, x), x)
                 assert np.array_equal((make.product(y, y) + y) % 2, (cube + x) % 2)
-
-
-def test_there_are_35_planes():
-    found = list(make.planes())
-    spans = {frozenset((one, other, one ^ other)) for one, other, *_ in found}
-    assert len(found) == len(spans) == 35
-    for basis in found:
-        span = {0}
-        for function in basis:
-            span |= {function ^ known for known in span}
-        assert len(span) == 16
 
 
 @pytest.mark.slow

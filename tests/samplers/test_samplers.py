@@ -78,18 +78,6 @@ def test_screen_covers_an_image_of_any_size_by_the_next_square():
     assert np.array_equal(sampler(19, 8, 3), whole(19, 8, 3))
 
 
-def test_screen_of_a_jittered_grid_jitters_every_pixel():
-    sampler = SAMPLERS["full_screen, jittered"]
-    points = np.asarray(sampler(*pixels(SIDE, SIDE, SPP))).reshape(-1, SPP, 2)
-    cells = (points * 2).astype(int)
-    assert np.array_equal(
-        np.sort(cells[..., 0] + 2 * cells[..., 1], axis=1), np.tile(np.arange(4), (SIDE**2, 1))
-    )
-    within = (points * 2 - cells).reshape(-1)
-    assert abs(within.mean() - 0.5) < 5 / np.sqrt(12 * within.size)
-    assert len(np.unique(within)) > 0.99 * within.size
-
-
 @pytest.mark.parametrize(
     "name", ["contiguous, hilbert, sobol", "contiguous, morton, owen", "contiguous, raster, halton"]
 )
@@ -99,17 +87,6 @@ def test_contiguous_blocks_follow_the_curve(name):
     index = np.asarray(sampler.order.position(x, y)) * SPP + np.asarray(sample)
     points = np.asarray(sampler.sequence.points(SIDE * SIDE * SPP))
     assert np.array_equal(sampler(x, y, sample), points[index, :2])
-
-
-@pytest.mark.slow
-def test_blocks_of_pixels_outside_of_the_image_are_skipped():
-    """A Hilbert curve over 5 x 3 pixels is that of 8 x 8."""
-    order, whole = orders.hilbert(5, 3), np.asarray(orders.hilbert(8, 8).position(*np.mgrid[:8, :8][::-1]))
-    y, x = np.mgrid[:3, :5]
-    index = whole[y, x][..., None] * 2 + np.arange(2)
-    assert index.max() >= 5 * 3 * 2
-    drawn = samplers.contiguous(order, sequences.sobol(2), 2)(x[..., None], y[..., None], np.arange(2))
-    assert np.array_equal(drawn, np.asarray(sequences.sobol(2)(index.ravel())).reshape(3, 5, 2, 2))
 
 
 SOBOL = sequences.sobol(2)

@@ -1,14 +1,11 @@
 """Tiles that the key moves and turns: exact uniformity, boxes, frames, and what the shipped tiles are for."""
 
-import itertools
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import qmc
-from tables import few, first, pairs_are_uniform, points_of
+from tables import few, first, points_of
 
 from analysis import expected_error, filtered_error
 from analysis.tables.designed_tiles import TILES
@@ -84,23 +81,6 @@ def test_words_are_the_points_rounded_down():
     found = np.stack([np.asarray(coordinate(*map(jnp.asarray, words), axis)) for axis in (0, 1)], axis=-1)
     exact = from_outlines(np.sqrt(words[0] / 2.0**32), words[1] / 2.0**32)
     np.testing.assert_allclose(found / 2.0**32, exact, rtol=0, atol=2**-31)
-
-
-@pytest.mark.parametrize(("dims", "spp"), [(2, 1), (4, 1), (4, 8), (6, 4)])
-def test_a_sample_is_uniform_over_keys(dims, spp):
-    """Chi-squared of all pairs of coordinates of one sample of one pixel over 8192 keys, 5 sigma."""
-    tile = np.full((4, 4, 1, 4), 0.9) + 1e-3 * free((4, 4, 1, 4))  # Far from uniform itself.
-
-    def made(key):
-        return samplers.tiled(tile, key, dims=dims, spp=spp)
-
-    @jax.jit
-    @jax.vmap
-    def points_over_keys(sampler):
-        return sampler(1, 2, spp // 2, dims=tuple(range(dims)))
-
-    points = np.asarray(points_over_keys(jax.vmap(made)(jax.random.split(jax.random.key(1), 8192))))
-    pairs_are_uniform(points, itertools.combinations(range(dims), 2), 8)
 
 
 def test_the_key_moves_the_tile_and_turns_it():

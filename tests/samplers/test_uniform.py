@@ -70,11 +70,16 @@ LAWS = {
     ),
     "optimized": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, SPP, key)),
     "optimized, joint": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, 128, key, dims=4)),
+    "optimized, joint, more": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, SPP, key, dims=8)),
     "progressive": (EXACT, lambda key: samplers.progressive(SIDE, SIDE, key, dims=6)),
     "designed": (EXACT, lambda key: samplers.designed(SIDE, SIDE, 64, key, dims=6)),
     "designed, frames": (
         EXACT,
         lambda key: samplers.designed(SIDE, SIDE, SPP, key, frames=9).at_frame(5),
+    ),
+    "tiled, far from uniform": (
+        EXACT,
+        lambda key: samplers.tiled(0.9 + 0.001 * TILE[:4, :, :1], key, dims=4, spp=SPP),
     ),
     "tiled": (EXACT, lambda key: samplers.tiled(TILE, key, dims=3, spp=SPP).at_frame(1)),
     "z": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, dims=3)),

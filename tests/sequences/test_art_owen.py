@@ -1,4 +1,4 @@
-"""Owen scrambling by look-ups: what it is, how random it is, and its inverse."""
+"""Owen scrambling by look-ups: the flips of its words, exactly, and the points of cells."""
 
 import jax
 import jax.numpy as jnp
@@ -70,15 +70,6 @@ def test_many_points_are_not():
     coins = [flips(prefix, depth + 1)[-1] for depth in range(10) for prefix in range(2**depth)]
     assert len(set(coins)) == 1023
     assert rank(coins) < 1023
-
-
-@pytest.mark.parametrize("dims", slow(2, 40))
-def test_scrambled_words_can_be_unscrambled(dims):
-    codes = sequences.art_owen(sequences.sobol(dims), 1).codes
-    words = jnp.asarray(np.random.default_rng(2).integers(0, 2**32, 500).astype(np.uint32))
-    for dim in (0, dims - 1):
-        assert np.array_equal(codes.unscrambled(codes.scrambled(words, dim), dim), words)
-        assert np.mean(np.asarray(codes.scrambled(words, dim) == words)) < 0.1
 
 
 @pytest.mark.parametrize("log_side", [3, *slow(1, 16)])

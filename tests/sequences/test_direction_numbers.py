@@ -8,6 +8,7 @@ import pytest
 from tables import slow
 
 from qmcjax import sequences
+from qmcjax.sequences._digital.sobol_matrix import _is_irreducible
 
 FILE = Path(__file__).parents[1] / "direction_numbers.txt"
 
@@ -103,3 +104,23 @@ def test_what_is_no_text(tmp_path):
         ValueError, match=r"a.txt, line 3, column 115, must be text in utf-8, got the byte 0x80"
     ):
         sequences.read_direction_numbers(tmp_path / "a.txt")
+
+
+def test_sobol_matrix_equals_the_sequence():
+    """From Joe and Kuo's polynomials and initial numbers; the first component has none."""
+    dims = 1200
+    matrices, numbers = np.asarray(sequences.sobol(dims).matrices), joe_kuo(dims)
+    for j in [*range(1, 60), *range(60, dims, 97)]:
+        assert np.array_equal(sequences.sobol_matrix(*numbers[j - 1]), matrices[j])
+
+
+def test_sobol_matrix_of_the_largest_degree_is_its_initial_numbers():
+    initial = [2**k - 1 for k in range(1, 33)]
+    matrix = sequences.sobol_matrix(2**32 + 2**22 + 2**2 + 2 + 1, initial)
+    assert np.asarray(matrix).tolist() == [m << (32 - k) for k, m in enumerate(initial, start=1)]
+
+
+def test_irreducible_polynomials_are_counted():
+    """By Moebius' inversion, those of degree s: sum over d | s of mu(d) 2**(s / d), over s; without x."""
+    counts = [sum(map(_is_irreducible, range(2**s, 2 ** (s + 1)))) for s in range(1, 11)]
+    assert counts == [1, 1, 2, 3, 6, 9, 18, 30, 56, 99]

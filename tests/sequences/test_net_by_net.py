@@ -1,4 +1,7 @@
-"""Sequences drawn net by net: they are Owen scramblings, of the right distribution."""
+"""Sequences drawn net by net: nested scramblings of all generators; best candidates; pmj02.
+
+Their distribution is tested in ``test_scramblings``.
+"""
 
 from itertools import product
 
@@ -6,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import chi_squared, few, first, is_net, slow
+from tables import few, first, is_net, slow
 
 from qmcjax import sequences
 from qmcjax.core.bits import gray_decode, hash_word
@@ -51,44 +54,6 @@ def test_digits_are_permuted_as_the_digits_before_them_decide(name):
             for node, digit, image in zip(map(tuple, before[:k].T), before[k], after[k], strict=True):
                 assert images.setdefault((node, digit), image) == image
                 assert origins.setdefault((node, image), digit) == digit
-
-
-def over_keys(sequence, n):
-    """Return the first n points for all keys, float64 (keys, n, dims)."""
-    tables = jax.jit(jax.vmap(lambda key: sequences.net_by_net(sequence, n, key).table))(KEYS)
-    return np.asarray(tables) / 2.0**32
-
-
-def test_all_nested_permutations_are_equally_likely():
-    """Coins of the seven nodes of three levels, jointly, and the two digits behind of two coordinates."""
-    points = over_keys(sequences.sobol(2), 8)
-    strata = (points * 8).astype(np.int64)
-    for dim in range(2):
-        patterns, numbers = np.unique(strata[..., dim], axis=0, return_inverse=True)
-        assert len(patterns) == 2**7
-        assert chi_squared(numbers, 2**7) < 5
-    behind = (points * 32).astype(np.int64) % 4
-    assert chi_squared(behind[:, 3, 0] * 16 + behind[:, 5, 0] * 4 + behind[:, 5, 1], 64) < 5
-    assert chi_squared(strata[:, 6, 0] * 8 + strata[:, 6, 1], 64) < 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("sequence", "base"), [(sequences.faure(3), 3), (sequences.faure(4), 5), (sequences.van_der_corput(6), 6)]
-)
-def test_all_permutations_in_base_b_are_equally_likely(sequence, base):
-    """The first digits as one permutation; in base 3, with those of all its three children."""
-    levels = 2 if base == 3 else 1
-    points = over_keys(sequence, base**levels)
-    count = np.prod(np.arange(1, base + 1)) ** ((base**levels - 1) // (base - 1))
-    strata = np.floor(points * base**levels + 1e-9).astype(np.int64)
-    for dim in range(sequence.dims):
-        patterns, numbers = np.unique(strata[..., dim], axis=0, return_inverse=True)
-        assert len(patterns) <= count
-        assert chi_squared(numbers, count) < 5
-    behind = np.floor(points[:, 1] * base**4 + 1e-9).astype(np.int64) % base**2
-    for dim in range(sequence.dims):
-        assert chi_squared(behind[:, dim], base**2) < 5
 
 
 @pytest.mark.parametrize("name", slow("sobol", "L times sobol", "halton"))

@@ -20,7 +20,7 @@ from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba as bridge
 from qmcjax.bridges._padding import padding_pair, padding_pixel
 from qmcjax.bridges._source import read
-from qmcjax.bridges.mitsuba import _pixels as pixels
+from qmcjax.bridges.mitsuba import _streams as pixels
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
 from qmcjax.bridges.mitsuba._scalar import blocks
 

@@ -12,7 +12,7 @@ from refusals import refused
 
 from qmcjax import bridges, orders, samplers, sequences
 from qmcjax.bridges import BakedTable, bake, bake_mask, bake_matrices, bake_order, bake_ranked
-from qmcjax.bridges._layout import Layout
+from qmcjax.bridges._table import Layout
 
 SAMPLER = samplers.independent(sequences.sobol(5), key=3)
 TILE, SPP, DIMS = (6, 4), 8, (0, 1, 2, 3, 4)
@@ -265,10 +265,10 @@ def test_strata_that_would_break_are_refused():
 
 
 def test_tables_are_made_in_pieces(monkeypatch):
-    from qmcjax.bridges import _pixel_points
+    from qmcjax.bridges import _plain
 
     whole = bake(SAMPLER, TILE, SPP, DIMS).values
-    monkeypatch.setattr(_pixel_points, "PIECE", 3 * 6 * SPP * 5)
+    monkeypatch.setattr(_plain, "PIECE", 3 * 6 * SPP * 5)
     assert np.array_equal(bake(SAMPLER, TILE, SPP, DIMS).values, whole)
 
 

@@ -17,10 +17,10 @@ import tables
 from figures.ours import mitsuba_samplers
 from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba
-from qmcjax.bridges.mitsuba import _pixels as pixels
-from qmcjax.bridges.mitsuba._compiled import NotCompiled, compiler, library
+from qmcjax.bridges._padding import PaddedPairs
+from qmcjax.bridges.mitsuba import _streams as pixels
 from qmcjax.bridges.mitsuba._given import as_pixels
-from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
+from qmcjax.bridges.mitsuba._native_sampler import NotCompiled, compiler, library
 from qmcjax.bridges.mitsuba._streams import TILE, Stream
 from qmcjax.core.checks import prng_key
 

@@ -7,7 +7,7 @@ import pytest
 import analysis
 from figures.shared.rendered import padded_samplers
 from qmcjax import samplers
-from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
+from qmcjax.bridges._padding import PaddedPairs
 
 SIDE, SPP, BINS = 256, 4, 32
 Y, X = (axis.ravel() for axis in np.indices((SIDE, SIDE), np.uint32))

@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from qmcjax.bridges._source._errors import Origin
-
-if TYPE_CHECKING:
-    from qmcjax.bridges._source._builder import Builder
 
 UINT, INT, FLOAT, BOOL = (np.dtype(name) for name in ("uint32", "int32", "float32", "bool"))
 ULONG, LONG, DOUBLE = (np.dtype(name) for name in ("uint64", "int64", "float64"))
@@ -42,7 +39,7 @@ class Value:
     Operators of Python apply operations; ``>>`` is the logical shift, and ``==`` compares objects.
     """
 
-    builder: Builder
+    builder: Any  # the one that made it, whose module imports this one
 
     __slots__ = (
         "arguments",

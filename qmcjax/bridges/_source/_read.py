@@ -7,14 +7,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qmcjax.bridges._source import _indexing, _keys, _loops, _numbers, _shapes
+from qmcjax.bridges._source import _indexing, _keys, _loops, _numbers
 from qmcjax.bridges._source._builder import Builder, widened
 from qmcjax.bridges._source._errors import refused
 from qmcjax.bridges._source._program import Program, Value, scheduled
 from qmcjax.bridges._source._reader import Entries, Reader, as_keys, lifted, words
 from qmcjax.core.checks import INDEX_LIMIT
 
-RULES = _shapes.RULES | _numbers.RULES | _indexing.RULES | _loops.RULES | _keys.RULES
+RULES = _numbers.RULES | _indexing.RULES | _loops.RULES | _keys.RULES
 """The rules of all primitives that can be translated, besides operations entry by entry."""
 
 

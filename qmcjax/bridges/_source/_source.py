@@ -1,28 +1,41 @@
-"""Source code of samplers, sequences, orders and scenes."""
+"""Source code of samplers, sequences, orders and scenes, and the comment at its head."""
 
 import re
+from importlib.resources import files
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qmcjax.bridges._source._c import C, Cuda
-from qmcjax.bridges._source._header import EXACT, FLOATS, Header
-from qmcjax.bridges._source._language import Language
-from qmcjax.bridges._source._nouns import Seeded, noun
+from qmcjax.bridges._source._language import RESULT, Language
+from qmcjax.bridges._source._languages import C, Cuda, Glsl, Hlsl, Wgsl
+from qmcjax.bridges._source._prepared import SamplerPrograms
 from qmcjax.bridges._source._program import FLOAT, UINT
 from qmcjax.bridges._source._read import read, traced
 from qmcjax.bridges._source._reserved import reserving
-from qmcjax.bridges._source._sampler_programs import SamplerPrograms
-from qmcjax.bridges._source._seeds import padding_words
-from qmcjax.bridges._source._shaders import Glsl, Hlsl, Wgsl
+from qmcjax.bridges._source._seeds import Seeded, noun, padding_words
 from qmcjax.bridges._source._writer import Source, Writer
 from qmcjax.core import checks
-from qmcjax.core.plug_ins import is_own
+from qmcjax.core.plug_ins import is_own, unwrap
 from qmcjax.orders import Order
 from qmcjax.samplers import Sampler
 from qmcjax.sequences import Sequence
+
+_LONGEST = 300
+
+EXACT = (
+    "Coordinates are in [0, 1), float32 with the bits that Python computes: only integers are computed with,",
+    "and floats that are exact or rounded once. Do not compile with -ffast-math or the like.",
+)
+"""The promise of samplers and sequences."""
+
+FLOATS = (
+    "Values are those that Python computes, within rounding. Compilers may fuse products and sums, here and",
+    "there (-ffp-contract=off prevents it here), and each rounds exp, sin, cos and the like in its own way.",
+)
+"""The promise of scenes."""
+
 
 LANGUAGES: dict[str, Language] = {"c": C(), "glsl": Glsl(), "wgsl": Wgsl(), "hlsl": Hlsl(), "cuda": Cuda()}
 
@@ -150,16 +163,16 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     writer.fill(f"{name}_sample", of_sample, state, ("s",), FLOAT, pixel)
     writer.fill(f"{name}_pair", of_pair, state, ("pair", "s"), FLOAT, pixel)
     writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
-    about = Header(sampler, "A sampler", name, language, writer.seeds.size)
-    about.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
-    about.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_listed(wanted)}")
-    about.call(name, "x, y, s", "both")
-    about.call(f"{name}_pair", "pixel, pair, s", "two coordinates beyond the sampler's, for any number")
+    comment = _Comment(sampler, "A sampler", writer)
+    comment.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
+    comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_listed(wanted)}")
+    comment.call(name, "x, y, s", "both")
+    comment.call(f"{name}_pair", "pixel, pair, s", "two coordinates beyond the sampler's, for any number")
     named = zip("xys", limits, strict=True)
     known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
-    about.add(f"Arguments: {', '.join(known) or 'any words'}.")
-    about.add(*EXACT)
-    return writer.text(about, seeded, sampler, wanted, padded=True)
+    comment.add(f"Arguments: {', '.join(known) or 'any words'}.")
+    comment.add(*EXACT)
+    return comment.source(seeded, wanted, padded=True)
 
 
 def _listed(dims: tuple[int, ...]) -> str:
@@ -176,11 +189,11 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
         return seeded.put(seeds).coordinates(index, wanted, jnp.float32)
 
     writer.fill(name, read(point, seeded.seeds, _WORD, below=[sequence.limit]), (), ("index",), FLOAT)
-    about = Header(sequence, "A sequence", name, language, writer.seeds.size)
-    about.call(name, "index", f"coordinates {_listed(wanted)} of a point")
-    about.add(f"The index is below {sequence.limit}.")
-    about.add(*EXACT)
-    return writer.text(about, seeded, sequence, wanted)
+    comment = _Comment(sequence, "A sequence", writer)
+    comment.call(name, "index", f"coordinates {_listed(wanted)} of a point")
+    comment.add(f"The index is below {sequence.limit}.")
+    comment.add(*EXACT)
+    return comment.source(seeded, wanted)
 
 
 def _of_order(order: Order, language: Language, name: str) -> Source:
@@ -192,10 +205,10 @@ def _of_order(order: Order, language: Language, name: str) -> Source:
 
     size = order.width, order.height
     writer.scalar(name, read(position, seeded.seeds, _WORD, _WORD, below=size), ("x", "y"), UINT)
-    about = Header(order, "An order", name, language, writer.seeds.size)
-    about.call(name, "x, y", f"of a pixel, below {order.length}", "position")
-    about.add(f"Arguments: x < {order.width}, y < {order.height}.")
-    return writer.text(about, seeded, order, ())
+    comment = _Comment(order, "An order", writer)
+    comment.call(name, "x, y", f"of a pixel, below {order.length}", "position")
+    comment.add(f"Arguments: x < {order.width}, y < {order.height}.")
+    return comment.source(seeded)
 
 
 def _of_scene(scene: Any, language: Language, name: str) -> Source:
@@ -204,7 +217,61 @@ def _of_scene(scene: Any, language: Language, name: str) -> Source:
     program = read(scene, jax.ShapeDtypeStruct((len(needs),), np.float32))
     parameter = language.parameter(language.type(FLOAT), "p", len(needs))
     writer.fill(name, program, [f"p[{k}]" for k in needs], (), FLOAT, parameter)
-    about = Header(scene, "A scene", name, language, 0)
-    about.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
-    about.add(*FLOATS)
-    return writer.text(about, Seeded.of(()), scene, ())
+    comment = _Comment(scene, "A scene", writer)
+    comment.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
+    comment.add(*FLOATS)
+    return comment.source(Seeded.of(()))
+
+
+class _Comment:
+    """The comment at the head of source code: what it is, how to call it, what it promises."""
+
+    def __init__(self, value: Any, noun: str, writer: Writer) -> None:
+        wrapped = getattr(value, "wrapped", None)
+        shown = repr(value) if wrapped is None else type(unwrap(wrapped)).__name__
+        short = len(shown) <= _LONGEST and "\n" not in shown
+        self._value, self._writer, self._name = value, writer, writer.name
+        self._lines = [f"{noun}, by qmcjax: {shown if short else checks.shown(value)}.", ""]
+
+    def call(self, name: str, given: str, what: str, result: str | None = None) -> None:
+        """Add a function with its arguments; without a ``result`` it fills an array."""
+        seeds = f", {self._name}_seeds" if self._writer.seeds.size else ""
+        filled = self._writer.language.result if result is None else ""
+        before = f"{result or RESULT} = " if not filled else ""
+        self._lines.append(f"  {before}{name}({given}{seeds}{filled}): {what}")
+
+    def add(self, *lines: str) -> None:
+        self._lines += ["", *lines]
+
+    def source(self, seeded: Seeded, dims: tuple[int, ...] = (), padded: bool = False) -> Source:
+        """Return the whole text, with seeds, tables that the caller binds and licences in the comment."""
+        name, first = self._name, 0
+        if self._writer.seeds.size:
+            self.add(f"Seeds are arguments: {name}_seeds are those of this object.")
+            for path, count in seeded.named():
+                self._lines.append(f"  from {first} on: {path}")
+                first += count
+            if padded:
+                self._lines.append(f"  {first} and {first + 1}: any random words, the key of {name}_pair")
+        if count := self._writer.bound.size:
+            self.add(
+                f"{name}_tables: {count} words to be bound, the attribute tables of what source returned"
+                f"{self._writer.language.layout}."
+            )
+        if max(dims, default=0) > 1 and _has_direction_numbers(self._value):
+            text = files("qmcjax.sequences").joinpath("_data/README.md").read_text()
+            licence = text.partition("Licence of the table:")[2].strip().splitlines()
+            made_by = (
+                "Direction numbers of the Sobol' sequence by S. Joe and F. Y. Kuo (2008), whose licence is:"
+            )
+            self.add(made_by, "", *licence)
+        return self._writer.text("\n".join(f"// {line}".rstrip() for line in self._lines))
+
+
+def _has_direction_numbers(value: Any) -> bool:
+    """Return whether an object has generator matrices of Joe and Kuo, as they are or named in its repr."""
+    if any(int(dims) > 2 for dims in re.findall(r"sobol\(dims=(\d+)\)", repr(value))):
+        return True
+    third = np.array([1 << 31, 3 << 30], np.uint32)
+    leaves = [leaf for leaf in jax.tree.leaves(value) if np.shape(leaf)[1:] == (32,) and len(leaf) > 2]
+    return any(np.array_equal(np.asarray(leaf)[2, :2], third) for leaf in leaves)

@@ -1,17 +1,192 @@
-"""Functions, structures and tables of one object in a language."""
+"""Programs as text in a language: statements, functions, structures and tables."""
 
-from collections.abc import Sequence
-from typing import Any
+from collections import Counter
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges._source._emit import Body, Tables
-from qmcjax.bridges._source._header import Header
+from qmcjax.bridges._source._builder import widened
 from qmcjax.bridges._source._language import RESULT, Language
+from qmcjax.bridges._source._languages import Shader
 from qmcjax.bridges._source._lower import lowered
-from qmcjax.bridges._source._nouns import Seeded
-from qmcjax.bridges._source._program import UINT, Program
+from qmcjax.bridges._source._program import UINT, Compute, Loop, Program, Repeat, Statement, Table, Value
+
+_LONGEST = 100
+"""Largest number of characters of an expression that is not given a name."""
+
+
+MOST_WRITTEN = 256
+"""Largest number of entries of a table in the text of a shader, which keeps such tables in slow memory."""
+
+
+class Tables:
+    """The tables that functions share: in the text, or words of one array that the caller binds."""
+
+    def __init__(self, language: Language, prefix: str) -> None:
+        self._language, self._prefix = language, prefix
+        self._names: dict[Table, str] = {}
+        self._places: dict[Table, int] = {}
+        self._bound: list[NDArray[np.uint32]] = []
+
+    @property
+    def bound(self) -> NDArray[np.uint32]:
+        """The words that the caller binds."""
+        return np.concatenate([*self._bound, np.empty(0, np.uint32)])
+
+    def read(self, table: Table, index: str) -> str:
+        """Return the entry of a table."""
+        entries = table.entries
+        if not isinstance(self._language, Shader) or len(entries) <= MOST_WRITTEN:
+            name = self._names.setdefault(table, f"{self._prefix}_table{len(self._names)}")
+            return f"{name}[{index}]"
+        if table not in self._places:
+            self._places[table] = sum(map(len, self._bound))
+            self._bound.append(entries.astype(widened(entries.dtype)).view(np.uint32))
+        place = self._places[table]
+        index = f"{index} + {place}u" if place else index
+        word = self._language.bound.format(name=f"{self._prefix}_tables", index=index)
+        return word if entries.dtype.kind == "u" else self._language.from_word(widened(entries.dtype), word)
+
+    def declarations(self) -> list[str]:
+        """Return the declarations of all tables that were named."""
+        made = []
+        if self._bound and isinstance(self._language, Shader):
+            made.append(self._language.binding.format(name=f"{self._prefix}_tables"))
+        for table, name in self._names.items():
+            entries = table.entries
+            if not self._language.has_64 and entries.dtype.itemsize < 4:
+                entries = entries.astype(f"{entries.dtype.kind}4")
+            made.append(self._language.table(name, entries))
+        return made
+
+
+class Body:
+    """The lines that compute the outputs of a program; ``outputs`` are the expressions of these."""
+
+    def __init__(self, language: Language, program: Program, inputs: Sequence[str], tables: Tables) -> None:
+        self._language, self._tables = language, tables
+        self._texts = dict(zip(program.inputs, inputs, strict=True))
+        self._results: dict[tuple[Loop | None, int], str] = {}
+        self._uses, self._repeated = _uses(program, language.repeats)
+        self._count = 0
+        self.lines: list[str] = []
+        self._depth = 0
+        self._block(program.statements)
+        self.outputs = [self._whole(value) for value in program.outputs]
+
+    def _line(self, text: str) -> None:
+        self.lines.append("    " * self._depth + text)
+
+    def _name(self) -> str:
+        self._count += 1
+        return f"v{self._count}"
+
+    def _whole(self, value: Value) -> str:
+        """Return the expression of a value."""
+        if value.kind == "result":
+            return self._results[value.loop, value.detail]
+        return self._language.literal(value.detail) if value.kind == "constant" else self._texts[value]
+
+    def _atom(self, value: Value) -> str:
+        """Return the expression of a value, in parentheses if it has operators."""
+        text = self._whole(value)
+        return f"({text})" if _has_operators(text) else text
+
+    def _block(self, statements: Iterable[Statement]) -> None:
+        for statement in statements:
+            if isinstance(statement, Compute):
+                self._compute(statement.value)
+            else:
+                self._repeat(statement)
+
+    def _compute(self, value: Value) -> None:
+        text = self._expression(value)
+        once = self._uses[value] == 1 and self._repeated.get(value, value.home) is value.home
+        if once and len(text) <= _LONGEST:
+            self._texts[value] = text
+            return
+        self._texts[value] = self._name()
+        self._line(self._language.declare(value.dtype, self._texts[value], text))
+
+    def _expression(self, value: Value) -> str:
+        given = [self._atom(argument) for argument in value.arguments]
+        if value.kind == "load":
+            return self._tables.read(value.detail, self._atom(value.arguments[0]))
+        if value.kind == "select":
+            return self._language.select(*given)
+        if value.kind in ("convert", "bitcast"):
+            return self._language.convert(value, given[0])
+        return self._language.operation(value, *given)
+
+    def _repeat(self, statement: Repeat) -> None:
+        language, loop = self._language, statement.loop
+        state = [self._name() for _ in statement.kept]
+        for name, number in zip(state, statement.kept, strict=True):
+            first = loop.initial[number]
+            self._line(language.declare(first.dtype, name, self._whole(first), True))
+            self._texts[loop.variables[number]] = name
+        self._line(language.loop)
+        self._depth += 1
+        self._block(statement.head)
+        self._line(language.unless.format(condition=f"({self._whole(loop.condition)})"))
+        self._block(statement.body)
+        self._assign(state, [loop.following[number] for number in statement.kept])
+        self._depth -= 1
+        self._line("}")
+        self._results.update({(loop, number): n for n, number in zip(state, statement.kept, strict=True)})
+
+    def _assign(self, state: Sequence[str], values: Sequence[Value]) -> None:
+        """Change variables at once: what uses another variable is computed before."""
+        texts = []
+        for value in values:
+            text = self._whole(value)
+            if value.kind != "constant" and (value.kind == "variable" or not text.isidentifier()):
+                name = self._name()
+                self._line(self._language.declare(value.dtype, name, text))
+                text = name
+            texts.append(text)
+        for name, text in zip(state, texts, strict=True):
+            if name != text:
+                self._line(f"{name} = {text};")
+
+
+def _has_operators(text: str) -> bool:
+    """Return whether an expression has an operator outside parentheses, which are surrounded by spaces."""
+    depth = 0
+    for letter in text:
+        depth += (letter in "([") - (letter in ")]")
+        if letter == " " and not depth:
+            return True
+    return False
+
+
+def _uses(program: Program, repeats: frozenset[str]) -> tuple[Counter[Value], dict[Value, Loop | None]]:
+    """Return how often each value is used, and in which loop the last time."""
+    uses: Counter[Value] = Counter(program.outputs)
+    where: dict[Value, Loop | None] = dict.fromkeys(program.outputs)
+
+    def used(value: Value, home: Loop | None, times: int = 1) -> None:
+        uses[value] += times
+        where[value] = home
+
+    def block(statements: Iterable[Statement]) -> None:
+        for statement in statements:
+            if isinstance(statement, Compute):
+                value = statement.value
+                for argument in value.arguments:
+                    used(argument, value.home, 2 if value.kind in repeats else 1)
+                continue
+            loop = statement.loop
+            used(loop.condition, loop)
+            for number in statement.kept:
+                used(loop.initial[number], loop.around)
+                used(loop.following[number], loop)
+            block(statement.head)
+            block(statement.body)
+
+    block(program.statements)
+    return uses, where
 
 
 class Source(str):
@@ -87,19 +262,18 @@ class Writer:
         kind = self.language.type(dtype)
         self.add(self.language.filling(self.name, parameters, count, [call], kind))
 
-    def text(
-        self, about: Header, seeded: Seeded, value: Any, dims: tuple[int, ...], padded: bool = False
-    ) -> "Source":
-        """Return all of it, with its comment completed."""
-        about.seeds(seeded, padded)
-        about.tables(self._tables.bound.size)
-        about.licence(value, dims)
+    @property
+    def bound(self) -> NDArray[np.uint32]:
+        """The words that the caller binds."""
+        return self._tables.bound
+
+    def text(self, comment: str) -> Source:
+        """Return all of it."""
         functions = "\n\n".join(self._parts)
-        before = [about.text(), *filter(None, [self.language.head(functions)])]
-        before += self._tables.declarations()
+        before = [comment, *filter(None, [self.language.head(functions)]), *self._tables.declarations()]
         if self.seeds.size:
             before.append(self.language.table(f"{self.name}_seeds", self.seeds))
-        return Source("\n\n".join([*before, functions]) + "\n", self._tables.bound)
+        return Source("\n\n".join([*before, functions]) + "\n", self.bound)
 
     def _parameters(self, named: Sequence[str]) -> list[str]:
         made = [self.language.parameter(self._uint, name) for name in named]

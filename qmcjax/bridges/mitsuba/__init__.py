@@ -6,7 +6,7 @@ are needed.
 """
 
 from qmcjax.bridges.mitsuba._adaptive import render_adaptive as render_adaptive
-from qmcjax.bridges.mitsuba._llvm import check_llvm as check_llvm
+from qmcjax.bridges.mitsuba._register import check_llvm as check_llvm
 from qmcjax.bridges.mitsuba._register import register as register
 from qmcjax.bridges.mitsuba._register import wrap as wrap
 from qmcjax.bridges.mitsuba._sensors import render as render

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from threading import Lock
 from typing import Any, TypeVar
 
-from qmcjax.bridges.mitsuba._pixels import Window
+from qmcjax.bridges.mitsuba._streams import Window
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler, as_sampler
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
 from qmcjax.bridges.mitsuba._native_sampler import Numbers, registered
-from qmcjax.bridges.mitsuba._pixels import Block, Blocks, Window, block_side
-from qmcjax.bridges.mitsuba._streams import Stream
+from qmcjax.bridges.mitsuba._streams import Block, Blocks, Stream, Window, block_side
 from qmcjax.core import checks
 
 

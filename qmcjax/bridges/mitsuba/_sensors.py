@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from qmcjax.bridges.mitsuba._given import LIMIT
-from qmcjax.bridges.mitsuba._llvm import imported
-from qmcjax.bridges.mitsuba._register import NAME, register, wrap
+from qmcjax.bridges.mitsuba._register import NAME, imported, register, wrap
 from qmcjax.core import checks
 
 

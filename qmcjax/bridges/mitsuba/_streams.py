@@ -1,11 +1,108 @@
-"""Streams of pairs of coordinates of many samples, request by request, in tiles."""
+"""Samples of pixels for Mitsuba's samplers, which only get counts and a seed, request by request."""
+
+from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges.mitsuba._padded_pairs import PaddedPairs
-from qmcjax.bridges.mitsuba._pixels import Block
+from qmcjax.bridges._padding import PaddedPairs
+
+Words = NDArray[np.uint32]
+
+BLOCK = 32
+"""Side of the blocks of Mitsuba's scalar variants (``MI_BLOCK_SIZE``)."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """The sampled pixels: the crop of a film and, if the film samples it, the border around it."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+
+    def __len__(self) -> int:
+        return self.width * self.height
+
+
+@dataclass(frozen=True)
+class Block:
+    """Samples of the pixels of a square in a window, in Morton order; those of a pixel are adjacent.
+
+    A square may extend beyond an edge: the last column and row replace missing ones.
+    """
+
+    window: Window
+    corner: tuple[int, int]
+    side: int
+    per_pixel: int
+    first: int
+
+    @property
+    def count(self) -> int:
+        return self.side**2 * self.per_pixel
+
+    def where(self, numbers: Words) -> tuple[Words, Words, Words]:
+        """Return column, row, and index in its pixel, of some of the samples."""
+        pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
+        last = self.window.width - 1, self.window.height - 1
+        x, y = (
+            np.minimum(_even_bits(pixel >> np.uint32(axis)) + np.uint32(self.corner[axis]), np.uint32(end))
+            for axis, end in enumerate(last)
+        )
+        return x + np.uint32(self.window.left), y + np.uint32(self.window.top), sample + np.uint32(self.first)
+
+
+def block_side(window: Window, threads: int, chosen: int) -> int:
+    """Return the side of an integrator's blocks: the given one, else 32, halved until all threads work."""
+    if chosen:
+        return chosen
+    side = BLOCK
+    while side > 1 and -(-window.width // side) * -(-window.height // side) < threads:
+        side //= 2
+    return side
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """The numbered blocks of a scalar variant: a pixel's seed is its number in all of them.
+
+    In ``SamplingIntegrator::render_block`` the seed of pixel i of a block, in Morton order, is
+    ``number * side**2 + i``, plus the seed of the whole rendering times the number of pixels. Blocks at the
+    edges count in full: the numbers of one rendering overlap with those of the next, and a seed other than 0
+    cannot always be detected. But such a rendering contains at least one number that is too large.
+    """
+
+    window: Window
+    corners: NDArray[np.int64]
+    """(blocks, 2): column and row of the first pixel in the window, by number."""
+    side: int
+
+    def found(self, seed: int) -> tuple[int, int]:
+        """Return the number of a block and the index of a pixel in it, or raise a ValueError."""
+        number, pixel = divmod(seed, self.side**2)
+        if number >= len(self.corners):
+            raise ValueError(
+                "seed must be 0 in scalar variants, samples_per_pass unset, and block_size the integrator's, "
+                f"got pixel {pixel} of block {number} of {len(self.corners)}: use first_sample instead"
+            )
+        return number, pixel
+
+    def block(self, number: int, per_pixel: int, first: int) -> Block:
+        """Return the samples of a block."""
+        x, y = self.corners[number].tolist()
+        return Block(self.window, (x, y), self.side, per_pixel, first)
+
+
+def _even_bits(word: Words) -> Words:
+    """Move bit 2 k to bit k."""
+    word = word & np.uint32(0x55555555)
+    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
+        word = (word | (word >> np.uint32(shift))) & np.uint32(mask)
+    return word
+
 
 SMALL, TILE = 2**10, 2**14
 """Tile sizes in samples: only two, since each one compiles programs."""

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from qmcjax.bridges._source import Table
-from qmcjax.bridges._source._sampler_programs import SamplerPrograms, first_of
+from qmcjax.bridges._source._prepared import SamplerPrograms, first_of
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
 from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
 from qmcjax.core import checks, draws

@@ -1,4 +1,6 @@
-"""Scenes that share tests, by the kind of their reference."""
+"""Scenes that share tests, by the kind of their reference, and their definitions."""
+
+import math
 
 import jax
 import numpy as np
@@ -73,3 +75,109 @@ PERSPECTIVE = {
 }
 
 EVERY = PLANE | MOTION | SMOOTH | PERSPECTIVE
+
+
+# The scenes by their definitions, in NumPy and float64.
+
+
+def _below(angle, offset, x, y):
+    return np.cos(angle) * x + np.sin(angle) * y < offset
+
+
+def _distance(scene, p):
+    """Return a function that is negative where a scene of motion, lens or light is 1."""
+    x, y, *rest = p
+    if isinstance(scene, scenes.MovingEdge):
+        return x - scene.offset - (scene.velocity * rest[0] if rest else 0)
+    if isinstance(scene, scenes.BlinkingDisc):
+        inside = np.hypot(x - scene.centre[0], y - scene.centre[1]) - scene.radius
+        return np.where((scene.on[0] <= rest[0]) & (rest[0] < scene.on[1]), inside, 1.0) if rest else inside
+    if isinstance(scene, scenes.Ball):
+        borders = np.array([0.0, *scene.times, 1.0])
+        time = rest[0] if rest else np.zeros_like(x)
+        line = np.searchsorted(scene.times, time, side="right")
+        starts = np.asarray(scene.starts)
+        ends = starts if scene.ends is None else np.asarray(scene.ends)
+        part = (time - borders[line]) / (borders[line + 1] - borders[line])
+        centre = starts[line] + part[..., None] * (ends - starts)[line]
+        return np.hypot(x - centre[..., 0], y - centre[..., 1]) - scene.radius
+    across, along = np.cos(scene.angle), np.sin(scene.angle)
+    if isinstance(scene, scenes.SoftShadow):
+        u, v = rest if rest else (0.5, 0.5)
+        sides = (0.0, 0.0) if scene.light is None else scene.light
+        light = [0.5 + side * (c - 0.5) for side, c in zip(sides, (u, v), strict=True)]
+        q = [(1 - scene.height) * p + scene.height * at for p, at in zip((x, y), light, strict=True)]
+        return scene.offset - across * q[0] - along * q[1]
+    if rest:
+        lens = [2 * rest[0] - 1, 2 * rest[1] - 1]
+        if scene.aperture == "disc":
+            turn = 2 * np.pi * rest[1]
+            lens = [np.sqrt(rest[0]) * np.cos(turn), np.sqrt(rest[0]) * np.sin(turn)]
+        x, y = x + scene.blur * lens[0], y + scene.blur * lens[1]
+    return x * across + y * along - scene.offset
+
+
+def defined(scene, p):
+    """Return the values of a scene by its definition, at points with the coordinates first."""
+    x, y = p[:2]
+    match scene:
+        case scenes.Step():
+            return _below(scene.angle, scene.offset, x, y) * 1.0
+        case scenes.Staircase():
+            return np.mean([_below(scene.angle, offset, x, y) for offset in scene.offsets], axis=0)
+        case scenes.Line():
+            distance = np.cos(scene.angle) * x + np.sin(scene.angle) * y - scene.offset
+            return (abs(distance) < scene.thickness / 2) * 1.0
+        case scenes.Disc():
+            return (np.hypot(x - scene.centre[0], y - scene.centre[1]) < scene.radius) * 1.0
+        case scenes.Triangle():
+            base = np.linalg.inv((scene.vertices[1:] - scene.vertices[0]).T)
+            shares = (np.moveaxis(p, 0, -1) - scene.vertices[0]) @ base.T
+            return ((shares > 0).all(axis=-1) & (shares.sum(axis=-1) < 1)) * 1.0
+        case scenes.FlatCheckerboard():
+            turned = (x - 0.5 + 1j * (y - 0.5)) * scene.squares * np.exp(-1j * scene.angle)
+            return (np.floor(turned.real) + np.floor(turned.imag)) % 2 == 0
+        case scenes.Heaviside():
+            return (p.sum(axis=0) < scene.threshold) * 1.0
+        case scenes.Checkerboard():
+            depth = scene.squares / y
+            return ((np.floor((x - 0.5) * depth) + np.floor(depth)) % 2 == 0).astype(float)
+        case scenes.ZonePlate():
+            return (1 + np.sin(scene.frequency * (x**2 + y**2))) / 2
+        case scenes.Gaussian():
+            x, y = x - scene.centre[0], y - scene.centre[1]
+            return np.exp(-(x**2 + y**2) / (2 * scene.width**2))
+        case scenes.Product():
+            return math.prod((abs(4 * x - 2) + a) / (1 + a) for x, a in zip(p, scene.a, strict=True))
+        case scenes.Ramp():
+            return p[scene.dimension]
+        case scenes.PathToy():
+            return _gathered(scene, p)
+        case scenes.Genz():
+            return _genz(scene, p)
+    return (_distance(scene, p) < 0) * 1.0
+
+
+def _gathered(scene, p):
+    value, weight, (x, y), rest = 0.0, 1.0, p[:2], list(p[2:])
+    while True:
+        value = value + weight * scene.emission * y
+        if not rest:
+            return value
+        weight = weight * scene.albedo * x
+        if scene.survival is not None:
+            weight = weight * (rest.pop(0) < scene.survival) / scene.survival
+        x, y = (x + rest.pop(0)) % 1, (y + rest.pop(0)) % 1
+
+
+def _genz(scene, p):
+    a, u = np.broadcast_arrays(scene.difficulty, scene.shift)
+    each = list(zip(p, a, u, strict=True))
+    return {
+        "oscillatory": lambda: np.cos(2 * np.pi * u[0] + sum(a * x for x, a, _ in each)),
+        "product_peak": lambda: math.prod(1 / (a**-2.0 + (x - u) ** 2) for x, a, u in each),
+        "corner_peak": lambda: (1 + sum(a * x for x, a, _ in each)) ** -(len(each) + 1.0),
+        "gaussian": lambda: np.exp(-sum(a**2 * (x - u) ** 2 for x, a, u in each)),
+        "continuous": lambda: np.exp(-sum(a * abs(x - u) for x, a, u in each)),
+        "discontinuous": lambda: (p[0] <= u[0]) * (p[1] <= u[1]) * np.exp(sum(a * x for x, a, _ in each)),
+    }[scene.family]()

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
+from tables import each
 
 import analysis
 import qmcjax as qj
@@ -108,23 +109,39 @@ def test_layers_have_even_noise_and_the_right_mean():
     assert on_path == pytest.approx(alone + object_noise, rel=0.2)
 
 
-@pytest.mark.slow
-def test_layers_count_both():
-    result = layered(0)
-    cover = LAYERS["moving"].reference(32, 32)[0]
-    assert (result.counts[(cover > 0) & (cover < 1)] == SPP_MOVING + SPP_STILL).all()
-    assert result.counts[0, 0] == 1 + SPP_STILL
-    assert result.saving == pytest.approx(1 - result.counts.mean() / (SPP_MOVING + SPP_STILL))
+COLOURS = scenes.function(lambda p: jnp.stack([p[..., 0], p[..., 1], 0 * p[..., 0] + 0.25], -1), ("x", "y"))
 
 
 @pytest.mark.slow
-def test_colours_behind():
-    red = scenes.function(lambda p: jnp.stack([p[..., 0], 0 * p[..., 0]], axis=-1), ("x", "y"))
+@each("still", {"grey": scenes.checkerboard(), "colours": COLOURS})
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_layers_are_a_mixture_by_cover(still, dtype):
+    """Object times cover plus rest times what is behind, each by render_adaptive; counts add up."""
+    moving = scenes.ball([[0.2, 0.3]], [[0.7, 0.6]], (), 0.15)
     sampler = samplers.independent(sequences.sobol(3), key=1)
-    image = qj.render_layers(LAYERS["moving"], red, sampler, 3, 2, 64, 4, shade=0.0).image
-    cover = qj.render(LAYERS["moving"], sampler, 3, 2, 64)
-    behind = qj.render(red, sampler, 3, 2, 4)
-    np.testing.assert_allclose(image, (1 - np.asarray(cover))[..., None] * behind, atol=1e-6)
+    result = qj.render_layers(moving, still, sampler, 12, 9, 32, 8, shade=0.75, dtype=dtype)
+    cover = qj.render_adaptive(moving, sampler, 12, 9, 32, dtype=dtype)
+    behind = qj.render_adaptive(still, sampler, 12, 9, 8, dtype=dtype)
+    share = np.asarray(cover.image)[(...,) if behind.image.ndim == 2 else (..., None)]
+    assert result.image.dtype == dtype
+    np.testing.assert_allclose(
+        result.image, 0.75 * share + (1 - share) * np.asarray(behind.image), rtol=0, atol=1e-6
+    )
+    np.testing.assert_array_equal(result.counts, cover.counts + behind.counts)
+    assert result.saving == pytest.approx(1 - result.counts.sum() / (12 * 9 * 40))
+    assert 0 < result.saving < 1
+    off = cover.counts == 1
+    assert off.any()
+    assert not off.all()
+    np.testing.assert_array_equal(np.asarray(result.image)[off], np.asarray(behind.image)[off])
+
+
+def test_layers_name_their_scenes():
+    sampler = samplers.independent(sequences.sobol(3), key=1)
+    with pytest.raises(TypeError, match=r"still must be a scene .* got None"):
+        qj.render_layers(scenes.ball(), None, sampler, 4, 4, 4, 4)
+    with pytest.raises(ValueError, match=r"still_spp must be an integer .* got 0"):
+        qj.render_layers(scenes.ball(), scenes.disc(), sampler, 4, 4, 4, 0)
 
 
 def test_shade_of_the_object():

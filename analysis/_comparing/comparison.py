@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._spectra.filtered import filtered_error, low_frequency_power, perceived_error
+from analysis._spectra.filters import filtered_error, low_frequency_power, perceived_error
 from analysis._spectra.spectra import error_spectrum, radial_average
 from qmcjax.core import checks, student
 from qmcjax.samplers import Sampler

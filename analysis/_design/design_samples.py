@@ -13,10 +13,10 @@ from jax import Array
 from numpy.typing import NDArray
 
 from analysis._design import images
-from analysis._design.descent import TOGETHER, descend
 from analysis._design.expected_error import Integrand, Kernel, classes_of, mean_square, offsets
-from analysis._design.filters import Filter, autocorrelation
 from analysis._design.integrand_classes import IntegrandClass
+from analysis._design.minimize import TOGETHER, descend
+from analysis._spectra.filters import Filter, autocorrelation
 from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks, draws
 from qmcjax.core.checkpoints import Checkpoint

@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._design import images
-from analysis._design.filters import Filter, autocorrelation
 from analysis._design.integrand_classes import CLASSES, IntegrandClass
+from analysis._spectra.filters import Filter, autocorrelation
 from qmcjax import sequences
 from qmcjax.core import backends, checks
 from qmcjax.scenes import Scene

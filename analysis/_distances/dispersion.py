@@ -24,8 +24,7 @@ from scipy.optimize import nnls
 from scipy.spatial import Delaunay, KDTree
 
 from analysis import _arguments
-from analysis._callbacks import Attained, call_back
-from analysis._loops import threads
+from analysis._host import Attained, call_back, threads
 from qmcjax.core import checks
 
 _ROUNDING = 2.0**-36

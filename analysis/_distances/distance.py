@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import KDTree
 
 from analysis import _arguments
-from analysis._callbacks import Attained, call_back
 from analysis._distances.closest_pair import closest_pair
+from analysis._host import Attained, call_back
 from qmcjax.core import checks
 
 _MARGIN = 1 + 2.0**-40

@@ -13,8 +13,8 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import Attained, call_back
 from analysis._distances.distance import directions, packing_distance, tree, unfold, validate_tiling
+from analysis._host import Attained, call_back
 
 
 @jax.tree_util.register_dataclass

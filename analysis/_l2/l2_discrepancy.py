@@ -11,11 +11,22 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
 from analysis import _arguments
-from analysis._l2.double_double import add, constant, multiply, total
-from analysis._l2.kernels import CENTERED, MIXTURE, PERIODIC, STAR, SYMMETRIC, WRAPAROUND, Kernel
+from analysis._host import COMPILED
+from analysis._l2.kernels import (
+    CENTERED,
+    MIXTURE,
+    PERIODIC,
+    STAR,
+    SYMMETRIC,
+    WRAPAROUND,
+    Kernel,
+    add,
+    constant,
+    multiply,
+    total,
+)
 from analysis._l2.merges import many_points_discrepancy
 from analysis._l2.pairs import pair_sum
-from analysis._loops import COMPILED
 from qmcjax.core import backends
 
 _POINTS = 2**24

@@ -18,8 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from analysis._l2.double_double import Wide, add, product, split, total, two_product, two_sum
-from analysis._l2.kernels import Kernel
+from analysis._l2.kernels import Kernel, Wide, add, product, split, total, two_product, two_sum
 
 _TOGETHER = 4
 """Pairs that are added before they are split: saves operations, costs no accuracy."""

@@ -5,7 +5,7 @@ Descents begin at many starts, and later near the best points.
 
 import numpy as np
 
-from analysis._loops import compiled
+from analysis._host import compiled
 from analysis._searches.budget import Budget
 from analysis._searches.worst_boxes import Boxes, Floats, WorstBoxes
 

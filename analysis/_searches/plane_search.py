@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._loops import compiled
+from analysis._host import compiled
 from analysis._searches.budget import Budget
 from analysis._searches.ranks_plane import tighten, walk
 from analysis._star.star_discrepancy import star_discrepancy

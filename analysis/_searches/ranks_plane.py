@@ -20,7 +20,7 @@ No table is stored: a row or a column of counts is recomputed on the way.
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._loops import compiled
+from analysis._host import compiled
 
 _ROUNDING = 1e-14
 """Constraints that are violated by less count as satisfied."""

@@ -10,7 +10,7 @@ of a closed one by 1/n: prefixes that cannot reach the level after that are skip
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._loops import compiled
+from analysis._host import compiled
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._callbacks import Attained
+from analysis._host import Attained
 
 
 class LocalDiscrepancy(float):

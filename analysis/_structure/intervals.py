@@ -12,7 +12,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._callbacks import call_back_count
+from analysis._host import call_back_count
 from qmcjax.core import checks, number_theory
 
 _RESOLUTION = {np.dtype(np.float32): 2**24, np.dtype(np.float64): 2**32, np.dtype(np.uint32): 2**32}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.trees import _boxes
+from analysis.trees import _structure
 from qmcjax.core import checks
 from qmcjax.core.parameters import numbers, require
 
@@ -46,7 +46,7 @@ def boxes_during(
     >>> print(low, high)
     [[2. 0. 0.]] [[5. 1. 1.]]
     """
-    low, high, times = _boxes.moving_boxes(low, high, times)
+    low, high, times = _structure.moving_boxes(low, high, times)
     begin = float(times[0]) if start is None else float(numbers("start", start))
     close = float(times[-1]) if end is None else float(numbers("end", end))
     for name, value in (("start", begin), ("end", close)):
@@ -60,7 +60,7 @@ def during(
     low: NDArray, high: NDArray, times: NDArray, start: float, end: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     inside = (times > start) & (times < end)
-    span, part = _boxes.interval_of_time(times, np.array([start, end]))
+    span, part = _structure.interval_of_time(times, np.array([start, end]))
     part = part[:, None, None]
     lows, highs = (
         np.concatenate([(1 - part) * a[span] + part * a[span + 1], a[inside]]) for a in (low, high)
@@ -103,20 +103,20 @@ def split_in_time(
     >>> print(low[:, [0, 3]].tolist(), high[:, [0, 3]].tolist())
     [[0.0, 0.0], [2.0, 0.25], [4.0, 0.5], [6.0, 0.75]] [[3.0, 0.25], [5.0, 0.5], [7.0, 0.75], [9.0, 1.0]]
     """
-    low, high, times = _boxes.moving_boxes(low, high, times)
+    low, high, times = _structure.moving_boxes(low, high, times)
     bound = float(numbers("kappa", kappa))
     require("kappa", bound, lambda k: k >= 1, "at least 1")
     limit = checks.integer("most", most, 1, 1024)
     whole = during(low, high, times, float(times[0]), float(times[-1]))
-    allowed = _boxes.measure(*whole) / bound
-    alone = np.any(_boxes.measure(low, high) > allowed, axis=0)
+    allowed = _structure.measure(*whole) / bound
+    alone = np.any(_structure.measure(low, high) > allowed, axis=0)
     rest = np.flatnonzero(~alone)
     found = [(*_with_times(whole[0][alone], whole[1][alone], times[0], times[-1]), np.flatnonzero(alone))]
     count = 1
     while len(rest):
         cuts = np.linspace(times[0], times[-1], count + 1)
         parts = [during(low[:, rest], high[:, rest], times, start, end) for start, end in pairwise(cuts)]
-        fits = np.all([_boxes.measure(*part) <= allowed[rest] for part in parts], axis=0) | (
+        fits = np.all([_structure.measure(*part) <= allowed[rest] for part in parts], axis=0) | (
             2 * count > limit
         )
         for part, (start, end) in zip(parts, pairwise(cuts), strict=True):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.trees import _boxes
+from analysis.trees import _structure
 from analysis.trees._structure import Tree, fit, validate_tree
 from analysis.trees._structure import levels as by_level
 from qmcjax.core import checks
@@ -102,7 +102,7 @@ def _arrange(
     """Make subtrees over the same number of ends optimal, in place: (s, m) and (s, m - 1)."""
     count, many = len(children) + 1, ends.shape[1]
     best, choice, lows, highs = best_arrangement(low[..., ends, :], high[..., ends, :], times)
-    before = _boxes.measure(low[..., inner, :], high[..., inner, :], times).sum(axis=1)
+    before = _structure.measure(low[..., inner, :], high[..., inner, :], times).sum(axis=1)
     rows = np.flatnonzero(best < before * (1 - _GAIN))
     sets = np.zeros((len(rows), many - 1), np.int64)
     sets[:, 0] = (1 << many) - 1
@@ -138,7 +138,7 @@ def best_arrangement(
         lows[..., bit, :, :], highs[..., bit, :, :] = low[..., box, :], high[..., box, :]
         lows[..., bit + 1 : 2 * bit, :, :] = np.minimum(lows[..., 1:bit, :, :], low[..., None, :, box, :])
         highs[..., bit + 1 : 2 * bit, :, :] = np.maximum(highs[..., 1:bit, :, :], high[..., None, :, box, :])
-    cost = _boxes.measure(lows, highs, times)
+    cost = _structure.measure(lows, highs, times)
     choice = np.zeros((1 << many, rows), np.int64)
     for part in range(1, 1 << many):
         splits = _splits(part)

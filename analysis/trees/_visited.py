@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from analysis.trees._boxes import flat_rays, flat_times, interval_of_time
-from analysis.trees._structure import Tree, node_depths, validate_tree
+from analysis.trees._structure import (
+    Tree,
+    flat_rays,
+    flat_times,
+    interval_of_time,
+    node_depths,
+    validate_tree,
+)
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, require
 

@@ -79,7 +79,7 @@ L2_STYLES = {"periodic": "-", "average": "--"}
 
 NOTE = (
     "All discrepancies of ours are of the points as they are shipped, in 32-bit fractions, and agree with"
-    " those of analysis.tables.check_discrepancy, which computes them in rational arithmetic; the "
+    " those of analysis.tables.discrepancy_records, which computes them in rational arithmetic; the "
     "published ones are as printed. Seconds of the searches, on a core that they had to share with other "
     "work, are an upper bound; longer searches find better sets. Nets have sizes that are powers of 2; "
     "the points ((i + 1/2)/n, multiples of the golden ratio) have any. The proven optima for 16 and 20 "

@@ -15,7 +15,8 @@ from scipy.stats import qmc
 from tables import few, slow
 
 import analysis
-from analysis._l2 import double_double, kernels
+from analysis._l2 import kernels
+from analysis._l2 import kernels as double_double
 from analysis._l2 import pairs as _l2_pairs
 from analysis._l2.l2_discrepancy import value_and_gradient
 from qmcjax import sequences

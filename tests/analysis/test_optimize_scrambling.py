@@ -8,7 +8,7 @@ from refusals import refused
 from tables import each
 
 import analysis
-from analysis._searches.optimize_scrambling import relax
+from analysis._searches.optimize import relax
 from qmcjax import sequences
 
 

@@ -6,7 +6,7 @@ from refusals import refused
 
 from analysis import mean_spectrum, point_spectrum, radial_anisotropy, radial_average
 from analysis._spectra import point_spectrum as _point_spectrum
-from analysis._spectra.fourier_sums import direct_sums, fast_sums
+from analysis._spectra.point_spectrum import direct_sums, fast_sums
 
 METHODS = ["direct", "fft"]
 
@@ -95,7 +95,7 @@ def test_size_decides_on_the_method(monkeypatch):
 @pytest.mark.parametrize(("method", "width"), [("direct", 14), ("fft", 14**2)])
 def test_batches(monkeypatch, method, width):
     """Three batches, two places of the last one empty, give what one batch gives."""
-    monkeypatch.setattr("analysis._spectra.fourier_sums._BATCH", width * 13)
+    monkeypatch.setattr("analysis._spectra.point_spectrum._BATCH", width * 13)
     sums = fast_sums if method == "fft" else direct_sums
     with jax.enable_x64(True):
         parts = jax.jit(lambda p: sums(p, 4))(jnp.asarray(random_points(37)))

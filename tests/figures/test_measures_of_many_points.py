@@ -10,13 +10,14 @@ import pytest
 from closed_forms import CLOSED_FORMS, KERNELS, exact_square, fractions
 
 import analysis
-from analysis._l2 import l2_discrepancy, merges, scalars
+from analysis._l2 import l2_discrepancy, merges
+from analysis._l2 import merges as scalars
 from analysis._l2.kernels import STAR
 from analysis._l2.merges import many_points_discrepancy
-from analysis._star import bounds, cells, plane_rows, star_discrepancy
-from analysis._star.cells import cell_bounds
-from analysis._star.plane import plane_star_discrepancy
-from analysis._star.plane_rows import many_star_discrepancy
+from analysis._star import bounds, plane, star_discrepancy
+from analysis._star import bounds as cells
+from analysis._star.bounds import cell_bounds
+from analysis._star.plane import many_star_discrepancy, plane_star_discrepancy
 from figures.ours import scale
 from figures.shared.timing import measure_scaling
 from qmcjax import sequences
@@ -44,7 +45,7 @@ def plane_sets(n):
 @pytest.mark.parametrize("n", [1, 2, 7, 64, 100, 1000, 4097])
 def test_compiled_stripes_find_the_same_value_to_the_last_bit(n, monkeypatch):
     for stripe in (16, 3):
-        monkeypatch.setattr(plane_rows, "_STRIPE", stripe)
+        monkeypatch.setattr(plane, "_STRIPE", stripe)
         for name, points in plane_sets(n).items():
             assert many_star_discrepancy(points) == plane_star_discrepancy(points), (name, stripe)
 

@@ -134,7 +134,7 @@ RULES = {
         "summed": (of_parts(lambda f, *given: devices.summed(f, None, True, *given)), 0.3),
     },
     "qmcjax/core/parameters.py": {"edge": (refused, 0.3)},
-    "analysis/_callbacks.py": {"min_distance": (analysis.min_distance, CLOUD)},
+    "analysis/_host.py": {"min_distance": (analysis.min_distance, CLOUD)},
     "analysis/_design/expected_error.py": {"expected_error": (analysis.expected_error, POINTS[:2, :3])},
     "analysis/_design/images.py": {"blurred": (of_blurred, CLOUD)},
     "analysis/_distances/energies.py": {"riesz_energy": (analysis.riesz_energy, CLOUD)},

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from tables import boxes, first, is_net, points_of, refuses
 
 from analysis import error_spectrum, radial_average
-from analysis.tables.blue_noise import void_and_cluster
+from analysis.tables.tiles import void_and_cluster
 from qmcjax import samplers, sequences
 
 SOBOL = sequences.sobol(2)

@@ -8,7 +8,7 @@ from scipy.stats import qmc
 from tables import few, first, points_of
 
 from analysis import expected_error, filtered_error
-from analysis.tables.designed_tiles import TILES
+from analysis.tables.tiles import TILES
 from qmcjax import samplers, sequences
 from qmcjax.samplers.turned_tiles import (
     coordinate,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import analysis
-from analysis.tables import SEQUENCES, check_discrepancy
+from analysis.tables import SEQUENCES, discrepancy_records
 from analysis.tables.discrepancy_records import FILES, MEASURES, SIZES, improve
 from qmcjax import sequences
 
@@ -74,14 +74,14 @@ def test_the_exact_discrepancy_is_the_measured_one_and_below_that_of_sobol(discr
     sobol = most_of_sobol(dims)[:n]
     measured = MEASURES[discrepancy](words * 2.0**-32)
     if discrepancy == "star":
-        exact, box, is_open = check_discrepancy.exact_star(words)
+        exact, box, is_open = discrepancy_records.exact_star(words)
         inside = (words < np.array(box, object)) if is_open else (words <= np.array(box, object))
         volume = Fraction(prod(box), 2 ** (32 * dims))
         assert exact == abs(volume - Fraction(int(inside.all(axis=1).sum()), n))
         assert float(exact) == pytest.approx(measured, abs=(dims + 2) * 2.0**-51)
         assert measured < 0.8 * analysis.star_discrepancy_bounds(sobol, regions=1)[0]
     else:
-        exact = check_discrepancy.EXACT_L2[discrepancy](words)
+        exact = discrepancy_records.EXACT_L2[discrepancy](words)
         assert float(exact) ** 0.5 == pytest.approx(measured, rel=1e-10)
         assert measured < MEASURES[discrepancy](sobol)
 
@@ -105,14 +105,14 @@ def test_words_of_the_files_are_the_points():
 
 def test_a_moved_point_or_a_lost_bit_changes_the_exact_value():
     words = np.asarray(sequences.record_net(16, 3).table).copy()
-    value, box, _ = check_discrepancy.exact_star(words)
-    squares = {kind: exact(words) for kind, exact in check_discrepancy.EXACT_L2.items()}
+    value, box, _ = discrepancy_records.exact_star(words)
+    squares = {kind: exact(words) for kind, exact in discrepancy_records.EXACT_L2.items()}
     row, axis = np.argwhere(words == np.array(box, object))[0]
     words[row, axis] += 1
-    assert check_discrepancy.exact_star(words)[0] != value
-    assert all(exact(words) != squares[kind] for kind, exact in check_discrepancy.EXACT_L2.items())
+    assert discrepancy_records.exact_star(words)[0] != value
+    assert all(exact(words) != squares[kind] for kind, exact in discrepancy_records.EXACT_L2.items())
     words[row, axis] ^= 1 << 31
-    assert check_discrepancy.exact_star(words)[0] > value
+    assert discrepancy_records.exact_star(words)[0] > value
 
 
 @pytest.mark.parametrize("dims", [2, 3, 4])
@@ -126,23 +126,23 @@ def test_the_exact_discrepancies_are_those_of_all_boxes_and_of_integrals(dims):
         values.append(volume - Fraction(int((words < box).all(axis=1).sum()), n))
         values.append(Fraction(int((words <= box).all(axis=1).sum()), n) - volume)
     shifted = (words << (32 - bits)).astype(np.uint32)
-    assert check_discrepancy.exact_star(shifted)[0] == max(values)
+    assert discrepancy_records.exact_star(shifted)[0] == max(values)
     corners = [
         float(analysis.l2_star_discrepancy(np.where(flip, 1 - words / 2**bits, words / 2**bits))) ** 2
         for flip in itertools.product([False, True], repeat=dims)
     ]
-    assert float(check_discrepancy.exact_average(shifted)) == pytest.approx(np.mean(corners), rel=1e-11)
+    assert float(discrepancy_records.exact_average(shifted)) == pytest.approx(np.mean(corners), rel=1e-11)
     periodic = float(analysis.periodic_discrepancy(words / 2**bits)) ** 2
-    assert float(check_discrepancy.exact_periodic(shifted)) == pytest.approx(periodic, rel=1e-11)
+    assert float(discrepancy_records.exact_periodic(shifted)) == pytest.approx(periodic, rel=1e-11)
 
 
 def test_certificates_are_texts():
-    assert check_discrepancy.certificate("average", 16, 2).endswith(" squared")
-    value, kind = check_discrepancy.certificate("star", 16, 2).split()[:2]
+    assert discrepancy_records.certificate("average", 16, 2).endswith(" squared")
+    value, kind = discrepancy_records.certificate("star", 16, 2).split()[:2]
     assert 0 <= float(value) - analysis.star_discrepancy(points(16, 2)) < 1.1e-12
     assert kind in ("open", "closed")
     with pytest.raises(ValueError, match="words: 4096 points in 3 dimensions have too many boxes"):
-        check_discrepancy.exact_star(
+        discrepancy_records.exact_star(
             (np.arange(4096 * 3, dtype=np.uint32) << 10).astype(np.uint32).reshape(4096, 3)
         )
 

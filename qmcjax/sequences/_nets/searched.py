@@ -173,7 +173,7 @@ def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
     -----
     Found by ``python -m analysis.tables discrepancy_records.npz``, separately for each n: a set is neither
     part of another one nor a digital net. Smaller discrepancies may exist. The points are sorted, so do not
-    use only the first few of them. ``python -m analysis.tables.check_discrepancy`` computes the discrepancies
+    use only the first few of them. ``python -m analysis.tables.discrepancy_records`` computes discrepancies
     in rational arithmetic, and prints a box where a star discrepancy is attained. For a file to cite, use
     ``bridges.write_points``: its text has a checksum. Star discrepancies, rounded up:
 

@@ -415,18 +415,12 @@ def test_the_moving_average_forgets():
 
 
 test_bad_input_is_named = refused(
-    (ValueError, lambda: qj.recommend(2, 4, frames=0), "frames must be an integer in .* got 0"),
-    (ValueError, lambda: qj.recommend(2, 4, frames=2, progressive=True), "progressive must be False for"),
+    (lambda: qj.recommend(2, 4, frames=2, progressive=True), "progressive must be False for"),
     (TypeError, lambda: qj.recommend(2, 4, size=16), "size must be a width and a height, got 16"),
-    (ValueError, lambda: qj.recommend(2, 4, size=(0, 16)), "size must be an integer in .* got 0"),
+    (lambda: qj.recommend(2, 4).sampler(16, 16, 1, frame=2), "frame must be None without frames=, got 2"),
     (
-        ValueError,
-        lambda: qj.recommend(2, 4).sampler(16, 16, 1, frame=2),
-        "frame must be None without frames=, got 2",
-    ),
-    (
-        ValueError,
         lambda: qj.recommend(2, 4, frames=2).sampler(16, 16, 1),
         "frame must be the number of a frame, got None",
     ),
+    error=ValueError,
 )

@@ -127,15 +127,15 @@ def test_large_orders_have_positions_of_32_bits():
 
 
 test_wrong_sizes_and_frames_are_refused = refused(
-    (lambda: orders.morton3(1920, 1080, 1025), ValueError, r"frames must be .* in \[1, 1024\], got 1025"),
-    (lambda: orders.hilbert3(1, 1, 0), ValueError, r"frames must be .* in \[1, 4294967296\], got 0"),
+    (lambda: orders.morton3(1920, 1080, 1025), r"frames must be .* in \[1, 1024\], got 1025"),
+    (lambda: orders.hilbert3(1, 1, 0), r"frames must be .* in \[1, 4294967296\], got 0"),
     (
         lambda: orders.as_order("order", orders.morton3(4, 4, 2)),
         TypeError,
         r"order must be an order of pixels, as .at_frame\(t\) returns, got Morton3",
     ),
-    (lambda: orders.hilbert3(4, 4, 2.0), TypeError, r"frames must be .* in \[1, 268435456\], got 2.0"),
-    (lambda: orders.hilbert3(4, 4, 5).at_frame(8), ValueError, r"frame must be .* in \[0, 7\], got 8"),
-    (lambda: orders.hilbert3(4, 4, 5).position(0, 0, 8), ValueError, r"t must be .* in \[0, 7\], got 8"),
-    (lambda: orders.morton3(4, 4, 5).at_frame(np.arange(2)), ValueError, r"one integer, got shape \(2,\)"),
+    (lambda: orders.hilbert3(4, 4, 5).at_frame(8), r"frame must be .* in \[0, 7\], got 8"),
+    (lambda: orders.hilbert3(4, 4, 5).position(0, 0, 8), r"t must be .* in \[0, 7\], got 8"),
+    (lambda: orders.morton3(4, 4, 5).at_frame(np.arange(2)), r"one integer, got shape \(2,\)"),
+    error=ValueError,
 )

@@ -244,14 +244,11 @@ test_bad_values_are_named = refused(
     (lambda: estimate(scenes.checkerboard()), "finitely many edges, got a Checker.*flat_checkerboard"),
     (lambda: estimate(Flat()), "scene.boundary must return points .1024, 2. .*got .1024, 1. and .1024,."),
     (lambda: estimate(scenes.heaviside(4)), "sequence must have the 3 dimensions.*Heaviside.*got 1"),
-    (lambda: estimate(scenes.disc(), n=0), "n must be an integer in .1, 2147483648., got 0"),
     (
         lambda: boundary_gradient(scenes.disc(), sequences.hammersley_net(3), 4, 4, 9),
         "n must be an integer in .1, 8., got 9",
     ),
-    (lambda: estimate(scenes.disc(), width=0), "width must be an integer"),
     (lambda: estimate(scenes.disc(), 65536, 65536), "width times height must be below 2"),
-    (lambda: estimate(scenes.disc(), dtype=jnp.float16), "dtype must be .*float16"),
     error=ValueError,
 )
 
@@ -270,8 +267,6 @@ class WithoutParameters:
 
 test_wrong_types_are_named = refused(
     (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
-    (lambda: estimate(scenes.disc(), height=2.5), "height must be an integer.*2.5"),
-    (lambda: estimate(None), "scene must be a scene .* got None"),
     (lambda: estimate(WithoutParameters()), "scene must be a pytree with arrays as parameters"),
     error=TypeError,
 )

@@ -240,38 +240,29 @@ def test_a_tolerance_that_is_not_reached_is_reported():
 
 
 test_bad_input_is_named = refused(
-    (ValueError, lambda: estimate(smooth, "student", 1, interval="t"), "interval must be one of .* got 't'"),
+    (lambda: estimate(smooth, "student", 1, interval="t"), "interval must be one of .* got 't'"),
     (
-        ValueError,
         lambda: qj.integrate(smooth, SOBOL, 16, interval="median"),
         "interval must be \"student\" without replicates, got 'median'",
     ),
     (
-        ValueError,
         lambda: qj.integrate(smooth, sequences.halton(2), 16, replicates=6, key=1, interval="median"),
         'interval must not be "median": sequence must',
     ),
+    (lambda: estimate(smooth, "betting", 1, limits=None), "limits must be two numbers .* got None"),
     (
-        ValueError,
-        lambda: estimate(smooth, "betting", 1, limits=None),
-        "limits must be two numbers .* got None",
-    ),
-    (
-        ValueError,
         lambda: estimate(smooth, "betting", 1, limits=(-1e308, 1e308)),
         "limits must be .* finite difference, got",
     ),
-    (ValueError, lambda: estimate(smooth, "betting", 1, limits=(1, 0)), "limits must be two finite numbers"),
+    (lambda: estimate(smooth, "betting", 1, limits=(1, 0)), "limits must be two finite numbers"),
     (
-        ValueError,
         lambda: qj.integrate(smooth, SOBOL, 16, limits=(0, 3)),
         r"limits must be None without replicates, got \(0, 3\)",
     ),
-    (ValueError, lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must hold all values, got"),
-    (ValueError, lambda: estimate(smooth, "student", 1, tolerance=0.0), "tolerance must be positive"),
+    (lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must hold all values, got"),
+    (lambda: estimate(smooth, "student", 1, tolerance=0.0), "tolerance must be positive"),
     (TypeError, lambda: estimate(smooth, "student", 1, tolerance=[1.0]), "tolerance must be a number, got"),
     (
-        ValueError,
         lambda: qj.integrate(smooth, SOBOL, 16, tolerance=1.0),
         "tolerance must be None without replicates, got 1.0",
     ),
@@ -281,13 +272,12 @@ test_bad_input_is_named = refused(
         "tolerance must be None where the function or the sequence is traced",
     ),
     (
-        ValueError,
         lambda: estimate(smooth, "median", 1, n=2**20, tolerance=1.0),
         "replicates must be at least 9 for a tolerance, got 8",
     ),
     (
-        ValueError,
         lambda: estimate(smooth, "median", 1, replicates=4).interval(0.9),
         "level must be at most 0.875 with 4 replicates, got 0.9",
     ),
+    error=ValueError,
 )

@@ -55,11 +55,10 @@ def test_the_oldest_image_is_added_first():
 
 
 test_mistakes = refused(
-    ([np.ones(2)], 0, ValueError, r"count must be an integer in \[1, 65536\], got 0"),
     (3, 1, TypeError, "images must be an iterable of images, got 3"),
-    ([np.ones(2), np.ones(3)], 2, ValueError, r"images must have one shape, \(2,\), got \(3,\)"),
-    ([np.ones((2, 3)), np.ones((3, 2))], 2, ValueError, r"have one shape, \(2, 3\), got \(3, 2\)"),
+    ([np.ones(2), np.ones(3)], 2, r"images must have one shape, \(2,\), got \(3,\)"),
+    ([np.ones((2, 3)), np.ones((3, 2))], 2, r"have one shape, \(2, 3\), got \(3, 2\)"),
     (tuple("ab"), 2, TypeError, "images must be made of real numbers, got 'a'"),
-    ([np.array([1.0, np.nan])], 1, ValueError, "images must be finite"),
     call=lambda images, count: list(qj.sliding_means(images, count)),
+    error=ValueError,
 )

@@ -126,11 +126,8 @@ test_bad_input_is_named = refuses(
             samplers.contiguous(orders.raster(4, 4), sequences.hammersley_net(6), 5)
         ),
         "m must be at least 8 .* got m=7": lambda: samplers.full_screen(sequences.hammersley_net(7), 16, 16),
-        "m must be at least 10 .* got m=8": lambda: samplers.full_screen(sequences.hammersley_net(8), 17, 2),
         "side must be a multiple of 16 and dims 2 .* got side=40, dims=2": lambda: samplers.full_screen(
             sequences.jittered(40, 2, 0), 16, 16
         ),
-        "dims must be .* got 2": lambda: samplers.independent(SOBOL, 0)(0, 0, 0, dims=(0, 1, 2)),
-        "y must be integers .* got -1": lambda: samplers.independent(SOBOL, 0)(0, -1, 0),
     },
 )

@@ -27,7 +27,6 @@ class Candidate:
     """Whether its samples per pixel are a power of two."""
 
     def takes(self, dims: int, spp: int) -> bool:
-        """Return whether it exists for these dimensions and samples per pixel."""
         return self.least_dims <= dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
 
 
@@ -130,7 +129,6 @@ CANDIDATES: dict[str, Candidate] = {
 
 
 def _fresh(name: str) -> Candidate:
-    """Return a candidate with a new key in each frame."""
     still = CANDIDATES[name]
 
     def make(dims: int, width: int, height: int, spp: int, key: Any, frame: Any) -> samplers.Sampler:

@@ -219,11 +219,8 @@ class File:
 def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     """Return the file of a computation, with the state saved by an earlier run.
 
-    ``checkpoint``: the file; it need not exist. ``mesh``: all its processes read the file; the first one
-    writes it when it is due. ``**made_of``: all arguments that the result depends on, by name. Raises
-    TypeError if an argument is a tracer; ValueError if the file is damaged, belongs to another computation,
-    or differs between processes, if its folder does not exist, or if foreign code takes part without a label;
-    OSError if the file cannot be written.
+    ``mesh``: all its processes read the file; the first one writes it when it is due. ``**made_of``: all
+    arguments that the result depends on, by name. An OSError says that the file cannot be written.
     """
     path, label = _checked(checkpoint)
     described, foreign = {"label": repr(label), "device": devices.kind(mesh)}, []

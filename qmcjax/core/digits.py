@@ -235,9 +235,8 @@ _SELECTED = 5
 def reflection_tables(rows: Any) -> list[Any]:
     """Return tables of the permuted and reflected digits of all numbers of each span of digits.
 
-    ``rows``: uint32 numpy or JAX array, shape (digit_count(base), base): row k permutes digit k, the digit of
-    ``base**k``. Returns list of uint16 arrays, numpy or JAX as ``rows``, shapes (base**span,): one for each
-    of ``digit_spans(base)``.
+    ``rows``: uint32 numpy or JAX array, shape (digit_count(base), base): row k permutes digit k, that of
+    ``base**k``. Tables are uint16, shape (base**span,), one for each of ``digit_spans(base)``.
     """
     base = rows.shape[1]
     tables, first = [], 0

@@ -38,12 +38,7 @@ uniform = _fixed(jax.random.uniform)
 
 
 def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Array:
-    """Return floats in [0, 1) as 32-bit fractions, rounded down; uint32 arrays are such fractions already.
-
-    ``name``: name of the argument, for messages. ``value``: float or uint32 ArrayLike: float32 or float64;
-    products with 2**32 are exact in either. ``shape``: tuple of int, optional: the shape it must have.
-    Returns uint32 Array.
-    """
+    """Return floats in [0, 1) as 32-bit fractions, rounded down; uint32 arrays are such fractions already."""
     try:
         array: Any = value if isinstance(value, Tracer) else np.asarray(value)
     except (TypeError, ValueError):
@@ -60,6 +55,7 @@ def fractions(name: str, value: Any, shape: tuple[int, ...] | None = None) -> Ar
         if outside.any():
             raise ValueError(f"{name} must be in [0, 1), got {float(array[outside][0])!r}")
     with checks.precision(array.dtype):
+        # Exact, in either type of float.
         return (jnp.asarray(array) * jnp.asarray(2.0**32, array.dtype)).astype(jnp.uint32)
 
 
@@ -72,11 +68,7 @@ def fractions_or_key(name: str, value: Any, shape: tuple[int, ...]) -> Array:
 
 
 def plus_modulo_1(value: Array, offset: Array, dtype: DTypeLike) -> Array:
-    """Add 32-bit fractions to float64 values in [0, 1) modulo 1: rounded once, and never to 1.
-
-    ``value``: float64 Array: in [0, 1); within ``jax.enable_x64``. ``offset``: uint32 Array: fractions.
-    ``dtype``: float32 or float64. Returns Array of ``dtype``, the broadcast shape.
-    """
+    """Add 32-bit fractions to float64 values in [0, 1) modulo 1: rounded once, and never to 1."""
     # The comparison and the complement of the offset are exact.
     fraction = offset.astype(jnp.float64) * np.float64(2.0**-32)
     complement = np.float64(1) - fraction

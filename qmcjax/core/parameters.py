@@ -23,9 +23,7 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     """Return finite real numbers of a shape as an array.
 
     JAX arrays stay JAX arrays. Anything else becomes a float64 copy in NumPy: callers cannot change it, and
-    references see all digits.
-
-    ``name``: name of the argument, for messages. ``shape``: None stands for any length of at least 1.
+    references see all digits. None in a shape stands for any length of at least 1.
     """
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
@@ -42,10 +40,8 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
 def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: bool = True) -> Array:
     """Return what a call is given as an array of JAX: floating arrays of JAX as they are.
 
-    ``name``: of the argument, for messages. ``value``: integers become the default float. ``last``: shape of
-    the last axes; None stands for any length of at least 1. ``finite``: whether infinity and NaN are refused
-    where they are known. Raises TypeError if the values are no real numbers; bools are none; ValueError if
-    the last axes have another shape, or a value is known not to be finite, or too large for its dtype.
+    Integers become the default float; bools are no numbers. ``last``: shape of the last axes; None stands for
+    any length of at least 1. ``finite``: whether infinity and NaN are refused where they are known.
     """
     try:
         with np.errstate(over="ignore"):

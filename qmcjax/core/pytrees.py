@@ -255,9 +255,7 @@ class Compiled(Generic[R]):
 def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
     """Decorate a function like ``jax.jit``, with the classes of all arguments in the cache key.
 
-    JAX confuses plug-ins that are dataclasses registered with JAX (see :func:`pytree`).
-
-    ``*static_argnames``: names of static arguments. Returns callable: a decorator of functions that are
-    called with positional arguments only.
+    JAX confuses plug-ins that are dataclasses registered with JAX (see :func:`pytree`). Arguments are
+    positional only.
     """
     return lambda function: Compiled(function, static_argnames)

@@ -11,10 +11,9 @@ FEWEST = 4
 
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return a 95 % confidence interval of the mean.
+    """Return a 95 % confidence interval of the mean of independent values, infinite for fewer than 4.
 
-    ``values``: float64 array, shape (n,): independent, and nearly normal: heavy tails make the interval too
-    long, a skew too short. Returns ``low, high``, float: infinite if there are fewer than 4 values.
+    They must be nearly normal: heavy tails make the interval too long, a skew too short.
     """
     from scipy.special import stdtrit
 

@@ -29,13 +29,11 @@ class Bounded:
     """Shape (dims, 2); anything in the place of infinite ones."""
 
     def __call__(self, points: Array) -> Any:
-        """Return the values, times the derivatives."""
         places, slopes = self._mapped(points)
         values = plug_ins.unwrap(self.function)(places)
         return jax.tree.map(lambda leaf: _times(leaf, slopes), values)
 
     def places(self, points: Array) -> Array:
-        """Return the points of the box."""
         return self._mapped(points)[0]
 
     def _mapped(self, points: Array) -> tuple[Array, list[Array]]:

@@ -107,7 +107,6 @@ class Estimate(NamedTuple):
         return integral - half, integral + half
 
     def _half_width(self) -> float:
-        """Return half the width of the widest interval."""
         low, high = map(jax.tree.leaves, self._interval(self.level))
         widths: list[Any] = [np.asarray(b - a) for a, b in zip(low, high, strict=True)]
         return max(float(np.maximum(w.real, w.imag).max(initial=0)) for w in widths) / 2
@@ -116,7 +115,6 @@ class Estimate(NamedTuple):
         return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self.standard_error))
 
     def _doubt(self) -> str | None:
-        """Return what cannot be vouched for, in a sentence."""
         if self._traced():
             return None
         leaves: list[Any] = [np.asarray(leaf) for leaf in jax.tree.leaves(self.unseen)]
@@ -134,8 +132,6 @@ class Estimate(NamedTuple):
 
 
 class QuantileEstimate(Estimate):
-    """An estimate with intervals by order statistics."""
-
     __slots__ = ()
 
     def _ends(
@@ -158,8 +154,6 @@ class QuantileEstimate(Estimate):
 
 
 class BettingEstimate(Estimate):
-    """An estimate with intervals by betting."""
-
     __slots__ = ()
 
     def _ends(

@@ -26,10 +26,9 @@ _STEPS = 60
 
 
 def betting_interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]:
-    """Return an interval of the mean that fails with a probability of at most 1 - ``level``.
+    """Return an interval of the mean of values in [0, 1] that fails with a probability of 1 - ``level``.
 
-    ``values``: shape (count, ...), independent along the first axis, in [0, 1]. ``xp``: NumPy, or its like
-    for the arrays. Returns low and high, shape (...), in [0, 1].
+    ``values``: shape (count, ...), independent along the first axis. ``xp``: NumPy, or its like for them.
     """
     needed = math.log(2 / (1 - level))
     bets = _bets(values, needed, xp)

@@ -283,7 +283,6 @@ def _least_and_most(
     replicated: bool,
     wide: bool,
 ) -> tuple[Array, Array]:
-    """Return the least and the largest of the values of ``count`` points, at most ``size``."""
     _, values = some_values(function, sequence, first, size, dtype, replicated, wide)
     there = (jax.lax.iota(jnp.uint32, size) < count)[:, None]
     least, most = jnp.where(there, values, jnp.inf), jnp.where(there, values, -jnp.inf)
@@ -294,6 +293,5 @@ def _least_and_most(
 def some_values(
     function: Any, sequence: Sequence, first: Array, count: int, dtype: np.dtype, replicated: bool, wide: bool
 ) -> tuple[Array, Array]:
-    """Return some points and the columns of their values."""
     points = _points(sequence, first + jax.lax.iota(jnp.uint32, count), dtype, replicated)
     return points, _values(function, points, dtype, replicated, wide)

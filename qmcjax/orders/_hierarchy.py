@@ -202,7 +202,6 @@ GOLDEN = np.uint32(0x9E3779B9)
 
 @jax.jit
 def with_random_words(first: Array, keys: Array) -> Array:
-    """Return a word followed by one random word per key: uint32 (len(keys) + 1,)."""
     return jnp.concatenate([first[None], jax.vmap(lambda key: draws.bits(key, (), jnp.uint32))(keys)])
 
 

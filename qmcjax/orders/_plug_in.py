@@ -149,7 +149,6 @@ def _message(name: str, value: Any) -> str:
 
 
 def _integers(method: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return integers from a method of a user as uint32."""
     dtype = getattr(value, "dtype", np.dtype(bool))
     if not jnp.issubdtype(dtype, jnp.integer) or value.shape != shape:
         what = f"{dtype} {value.shape}" if hasattr(value, "dtype") else checks.shown(value)

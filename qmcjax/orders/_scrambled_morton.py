@@ -86,18 +86,15 @@ def _permutations_of(keys: Array, letters: int) -> Array:
 
 @partial(jax.jit, static_argnums=1)
 def _shifts_of(keys: Array, letters: int) -> Array:
-    """Draw a letter by each key."""
     words = jax.vmap(lambda key: draws.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
     return scaled(words, letters)
 
 
 def random_permutations(letters: int, key: Array) -> Array:
-    """Draw one of the 24 permutations for each letter."""
     return scaled(draws.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
 
 
 def random_production(letters: int, key: Array) -> Array:
-    """Draw the letter of each child of each letter."""
     return scaled(draws.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
 
 

@@ -28,8 +28,6 @@ _LEAST = 2**11
 
 
 class How(NamedTuple):
-    """What programs are compiled for."""
-
     size: int
     """Pixels of a tile."""
     width: int
@@ -47,7 +45,6 @@ class How(NamedTuple):
 
     @property
     def block(self) -> int:
-        """Samples of a pixel that are evaluated at once."""
         return self.batch * self.together
 
 
@@ -149,18 +146,15 @@ def tile_size(pixels: int, together: int, mesh: Mesh | None, traced: bool) -> in
 
 @jax.jit
 def mean(state: Sum, count: Array) -> Array:
-    """Return the sum over the number of terms."""
     return summation.value(state) / count.astype(state[0].dtype)
 
 
 def of_image(width: int, height: int) -> Pixels:
-    """Return column and row of every pixel."""
     shape = (height, width)
     return jax.lax.broadcasted_iota(jnp.uint32, shape, 1), jax.lax.broadcasted_iota(jnp.uint32, shape, 0)
 
 
 def with_all_dims(point: Array, dims: tuple[int, ...], count: int) -> Array:
-    """Return points of ``count`` coordinates from the given ``dims``."""
     if dims == tuple(range(count)):
         return point
     half = jnp.full(point.shape[:-1], 0.5, point.dtype)

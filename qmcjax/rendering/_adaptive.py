@@ -155,7 +155,6 @@ def _parts(
 
 
 def flat(image: NDArray) -> NDArray:
-    """Return a view with the first two axes merged."""
     return image.reshape(image.shape[0] * image.shape[1], *image.shape[2:])
 
 

@@ -149,8 +149,6 @@ def render_passes(
 
 
 class _State(NamedTuple):
-    """The passes so far, in float64."""
-
     mean: Array
     variance: Array
     error: Array
@@ -158,7 +156,6 @@ class _State(NamedTuple):
 
 
 def _resumed(state: checkpoints.Arrays, passes: int) -> _State | None:
-    """Return the passes of a checkpoint, if there are any."""
     if not state:
         return None
     done = int(state["done"])

@@ -190,7 +190,6 @@ def _written(image: Array, part: Array, begin: Array) -> Array:
 
 
 def _shaped(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
-    """Return the pixels as an image, and whether all are finite."""
     del by_rows
     return image.reshape(shape), jnp.isfinite(image).all()
 

@@ -95,7 +95,6 @@ def render_adaptive(
 
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
-    """Raise unless passes can be stopped by this tolerance."""
     checks.flag("unbiased", unbiased)
     if tolerance is None:
         if unbiased:

@@ -24,7 +24,6 @@ Index = tuple[Array, Array]
 
 
 def times(factor: Array, number: int | Array) -> Index:
-    """Return the product of a word and another word, or an integer in [0, 2**32]."""
     if isinstance(number, int):
         if number == checks.INDEX_LIMIT:
             return factor, jnp.zeros_like(factor)
@@ -33,7 +32,6 @@ def times(factor: Array, number: int | Array) -> Index:
 
 
 def plus(index: Index, other: Index | Array) -> Index:
-    """Return the sum of two indices, or of an index and a word."""
     high, low = other if isinstance(other, tuple) else (np.uint32(0), other)
     total = index[1] + low
     return index[0] + high + (total < low).astype(jnp.uint32), total
@@ -92,14 +90,12 @@ class Contiguous(AlongCurve):
     _limited = "samples in the block of a pixel"
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the shared state of the block of a pixel; its position, if indices have 64 bits."""
         position = self.order.unchecked_position(x, y)
         if self._has_64_bits:
             return position
         return self.sequence.prepare_block(position * np.uint32(self.spp), self.spp, dims)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return point number ``spp * position + sample`` of the sequence."""
         if self._has_64_bits:
             high, low = plus(times(state, self.spp), sample)
             return self.sequence.with_high_word(high).coordinates(low, dims, dtype)

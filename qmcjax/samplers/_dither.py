@@ -189,7 +189,6 @@ class Ranked(InEveryPixel):
         return replace(self, sequence=moving.at_frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the rows and columns of pixels in the tile."""
         rows, columns = self.ranks.shape
         column = (x + self.translation[0]) & np.uint32(columns - 1)
         return (y + self.translation[1]) & np.uint32(rows - 1), column

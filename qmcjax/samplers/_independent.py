@@ -44,7 +44,6 @@ class Independent(InEveryPixel):
     randomizer: Randomizer = field(metadata={"static": True})
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
-        """Return the seeds of pixels, one for each coordinate."""
         return tuple(hash_pair(x ^ self.seeds[j, 0], y ^ self.seeds[j, 1]) for j in dims)
 
     def points(
@@ -126,7 +125,6 @@ class Interleaved(Sampler):
         return columns, rows, min(samples, self.spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the first indices of pixels, and the state of the positions inside them."""
         tile = np.uint32(self.tile)
         first = (y % tile * tile + x % tile) * np.uint32(self.spp)
         own = tuple(j for j in dims if j < self._on_screen)

@@ -30,7 +30,6 @@ class PlugIn(Sampler):
 
     @property
     def sampler(self) -> Any:
-        """The object."""
         return unwrap(self.wrapped)
 
     @property
@@ -38,7 +37,6 @@ class PlugIn(Sampler):
         return self.sampler.dims
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the state of the object, by default the pixels."""
         return self.sampler.prepare(x, y, dims) if _prepares(self.sampler) else (x, y)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
@@ -167,7 +165,6 @@ class Randomized(OfDims):
         return self.sampler_of_key(jax.random.fold_in(self.key, number))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the points of the samples in their passes."""
         x, y = state
         number, inside = sample // np.uint32(self.spp), sample % np.uint32(self.spp)
         first = number.min()

@@ -130,7 +130,6 @@ class Joint(Contiguous):
         return jax.tree.map(lambda column, row: column[None, :] ^ row[:, None], columns, rows)
 
     def _lines(self, width: int, height: int, dims: tuple[int, ...]) -> tuple[Any, Any]:
-        """Return the states of the pixels of the first row, and of the first column."""
         x, y = jnp.arange(width, dtype=jnp.uint32), jnp.arange(height, dtype=jnp.uint32)
         first = super().prepare
         return first(x, jnp.zeros_like(x), dims), first(jnp.zeros_like(y), y, dims)

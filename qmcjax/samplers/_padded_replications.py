@@ -136,7 +136,6 @@ def padded_replications(
 
 
 def _sequence_of(offsets: Any, dims: int) -> Sequence:
-    """Return a sequence unchanged, or random points from a key."""
     if callable(offsets):
         return as_sequence("offsets", offsets)
     return uniform(dims, checks.prng_key("offsets", offsets))

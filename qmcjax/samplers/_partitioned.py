@@ -28,7 +28,6 @@ class Partitioned(Strided):
 
     @property
     def dims(self) -> int:
-        """Number of remaining coordinates."""
         return self.sequence.dims - 1
 
     @property
@@ -36,15 +35,12 @@ class Partitioned(Strided):
         return self._limit // self.order.length
 
     def _first(self, position: Array) -> Array:
-        """Return the index of a pixel's first point, below N."""
         return position
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the first indices of pixels."""
         return self._first(self.order.unchecked_position(x, y))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return every N-th point from the pixels' first ones on."""
         left = tuple(j if j < self.component else j + 1 for j in dims)
         if self._has_64_bits:
             index = plus(times(sample, self.order.length), state)
@@ -201,14 +197,12 @@ class ShiftedAlong(AlongCurve):
         return self.sequence.limit
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
-        """Return the shifts of pixels as 32-bit fractions, rounded down."""
         position = self.order.unchecked_position(x, y)
         return tuple(self.shifts.fixed_point(position, j) for j in dims)
 
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return the points of the sequence plus the shifts of the pixels, modulo 1."""
         offsets = zip(dims, state, strict=True)
         rotated = [self.sequence.rotated_coordinate(sample, j, offset, dtype) for j, offset in offsets]
         return jnp.stack(rotated, axis=-1)

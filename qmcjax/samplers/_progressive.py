@@ -33,7 +33,6 @@ class Progressive(ForImage, OfDims):
         return checks.INDEX_LIMIT
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what the pixels add to each coordinate, and the seeds of the orders of their samples."""
         size, added, shuffles = self.of_samples.dims, {}, {}
         for group in sorted({j // size for j in dims}):
             position = self.orders.member(group).unchecked_position(x, y)

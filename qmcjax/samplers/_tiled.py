@@ -54,7 +54,6 @@ class Tiled(OfDims):
         return replace(self, frame=checks.frame(frame))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return pixels, hashes of them for jitter, and the boxes of their first samples."""
         hashed = hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
         return x, y, hashed, self._first_box(x, y) if self._boxes > 1 else None
 
@@ -126,7 +125,6 @@ class Tiled(OfDims):
 
 
 def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
-    """Return the sampler of a tile."""
     seeds = draws.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
     return Tiled(dims, jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), spp)
 

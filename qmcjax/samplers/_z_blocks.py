@@ -41,7 +41,6 @@ class Z(ForImage):
 
     @property
     def log_spp(self) -> int:
-        """Binary logarithm of ``spp``."""
         return self.spp.bit_length() - 1
 
     def extended(self, rounds: int) -> "Z":
@@ -127,7 +126,6 @@ class Z(ForImage):
         return self.rounds * self.spp
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the positions and nodes of pixels in each wanted order, by its number."""
         code = morton(self.width, self.height).unchecked_position(x, y)
         if self.orders is None:
             return code
@@ -224,7 +222,6 @@ class AdaptiveZ(OnRaster):
         return self.sampler.most
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the state of the sampler, and the logarithms of the numbers of samples."""
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
 
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:

@@ -33,17 +33,14 @@ class Number(NamedTuple):
 
     @property
     def word(self) -> Array:
-        """The number itself."""
         return (self.high << self.known) | np.uint32(self.low)
 
     def bit(self, place: int) -> Array:
-        """Return the bit with weight ``2**place``."""
         if place < self.known:
             return jnp.uint32((self.low >> place) & 1)
         return (self.high >> (place - self.known)) & np.uint32(1)
 
     def digit(self, place: int) -> Array:
-        """Return the two bits from ``place`` on."""
         if place >= self.known:
             return (self.high >> (place - self.known)) & np.uint32(3)
         return (self.bit(place + 1) << 1) | self.bit(place)

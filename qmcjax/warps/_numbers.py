@@ -32,8 +32,6 @@ def parts_of(values: Array) -> Array:
 
 @frozen_pytree
 class Exponential(Warp):
-    """See :func:`exponential`."""
-
     dims: int = field(metadata={"static": True})
 
     def _values(self, points: Array) -> Array:
@@ -74,8 +72,6 @@ _CELLS = {np.dtype(np.float32): 2.0**-24, np.dtype(np.float64): 2.0**-32}
 
 @frozen_pytree
 class Normal(Warp):
-    """See :func:`normal`."""
-
     dims: int = field(metadata={"static": True})
 
     def _values(self, points: Array) -> Array:
@@ -132,8 +128,6 @@ _MOST = 32
 
 @frozen_pytree
 class Simplex(Warp):
-    """See :func:`simplex`."""
-
     dims: int = field(metadata={"static": True})
 
     @property
@@ -187,8 +181,6 @@ _SCALE = 2.0**32
 
 @frozen_pytree
 class Discrete:
-    """See :func:`discrete`."""
-
     count: int = field(metadata={"static": True})
     cuts: Any  # uint32: where the choices from the second to the last with a weight begin, times 2**32
 

@@ -17,8 +17,6 @@ from qmcjax.warps._base import Warp, rounding
 
 @frozen_pytree
 class Disc(Warp):
-    """See :func:`disc`."""
-
     dims = 2
 
     def _values(self, points: Array) -> Array:
@@ -63,8 +61,6 @@ class _Directions(Warp):
 
 @frozen_pytree
 class Sphere(_Directions):
-    """See :func:`sphere`."""
-
     def _values(self, points: Array) -> Array:
         return jnp.stack(maps.cone(points[..., 0], points[..., 1], 2), axis=-1)
 
@@ -77,8 +73,6 @@ class Sphere(_Directions):
 
 @frozen_pytree
 class Hemisphere(_Directions):
-    """See :func:`hemisphere`."""
-
     def _values(self, points: Array) -> Array:
         x, y = maps.disc(points[..., 0], points[..., 1])
         # 1 - |2 u - 1| is exact, so the cosine keeps its digits near the rim, where 1 - x x - y y cancels.
@@ -132,8 +126,6 @@ def hemisphere() -> Hemisphere:
 
 @frozen_pytree
 class Triangle(Warp):
-    """See :func:`triangle`."""
-
     vertices: Any  # shape (3, length)
     dims = 2
 

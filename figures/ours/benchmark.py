@@ -168,20 +168,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         *_panels(programs, peers["side"], "program", PROGRAMS),
         *_panels(traced, size.side, "sampler", STYLES),
     ]
-    compared = {name: _compared(rows) for name, rows in _by_scene(traced).items()}
     missing = "" if mitsuba_scenes.installed() else " Mitsuba is not installed: pip install mitsuba."
     return _drawn(panels, floors), {
         "table": [{key: row[key] for key in TABLE} for row in [*sweep["rows"], *traced]],
         "measured": {
             "best": {name: best(rows, "sampler") for name, rows in _by_scene(sweep["rows"]).items()},
-            "adaptive": _adaptive(sweep["rows"]),
             "peers": peers["rows"],
             "time of the peer / ours at equal error": {
                 name: _ratios(rows) for name, rows in _by_scene(programs).items()
             },
             "traced": {
-                name: found | {"error of the reference": floors[name], "in words": _sentence(found)}
-                for name, found in compared.items()
+                name: _compared(rows) | {"error of the reference": floors[name]}
+                for name, rows in _by_scene(traced).items()
             },
         },
         "claims": {
@@ -253,17 +251,6 @@ def _drawn(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
     return figure
 
 
-def _adaptive(rows: list[dict]) -> dict[str, dict[str, float]]:
-    """Return the time without skipping over that with it, by scene and samples per pixel."""
-    plain = {(row["scene"], row["spp"], row["sampler"]): row["seconds"] for row in rows}
-    ratios: dict[str, dict[str, float]] = {}
-    for (scene, spp, sampler), seconds in plain.items():
-        if sampler.endswith(", adaptive"):
-            whole = plain[scene, spp, sampler.removesuffix(", adaptive")]
-            ratios.setdefault(scene, {})[str(spp)] = whole / seconds
-    return ratios
-
-
 def _ratios(rows: list[dict]) -> dict[str, dict[str, float]]:
     """Return each peer's time for our error over our time, by our samples per pixel."""
     ours = [row for row in rows if row["program"] == "qmcjax"]
@@ -300,16 +287,6 @@ def _compared(rows: list[dict]) -> dict:
             "mean of Mitsuba's images of most samples over the reference's": mean,
         }
     return found
-
-
-def _sentence(found: dict) -> str:
-    """Return in words how long samplers take to the error of random samples."""
-    ratios, ours = found["times as long as the fastest of ours"], found["fastest of ours"]
-    text = f"To the error of {found['samples']} random samples, these take {ratios['random']:.2g} times"
-    if "fastest of Mitsuba's" in found:
-        theirs = found["fastest of Mitsuba's"]
-        text += f", and the fastest sampler of Mitsuba's, {theirs}, {ratios[theirs]:.2g} times"
-    return f"{text} as long as {ours}."
 
 
 def _below_random(rows: Rows) -> bool:

@@ -1,6 +1,7 @@
 """Points designed for one scene, for its camera and for others, beside tiles for a class of integrands."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import numpy as np
@@ -39,7 +40,7 @@ NOTE = (
     "of tiles designed for half spaces (samplers.designed), with its interval of 95 %. Points for a scene "
     "are those of design_samples(integrands=[scene]) after {steps} steps from a tile of the class, {designs} "
     "keys, of which the geometric mean is shown. They are the same in every image: not unbiased, they fit "
-    "the error of each pixel to those beside it. Gains are those of the camera that they know: {gains}. "
+    "the error of each pixel to those beside it. Gains are those of the camera that they know. "
     "References of traced scenes are estimates from 1024 samples per pixel."
 )
 
@@ -47,7 +48,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Design points for each scene, and measure them by all cameras."""
     side, counts = SIDE[quality], COUNTS[quality]
-    measured: dict[str, dict[str, dict[str, float]]] = {}
+    measured: dict[str, dict[str, Any]] = {}
     for k, spp in enumerate(counts):
         for done, name in enumerate(SHOWN[quality], start=1):
             found = _measured(SCENES[name](), side, spp, STEPS[quality], DESIGNS[quality])
@@ -63,11 +64,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     panels = np.atleast_1d(figure.subplots(1, len(counts)))
     for axes, (count, row) in zip(panels, measured.items(), strict=True):
         _draw(axes, count, row)
-    text = ", ".join(
-        f"{camera} {np.exp(np.mean(np.log(of))):.2f}, from {min(of):.2f} to {max(of):.2f}"
-        for camera, of in gains.items()
-    )
-    note = NOTE.format(side=side, keys=KEYS, steps=STEPS[quality], designs=DESIGNS[quality], gains=text)
+    measured["geometric means"] = {camera: float(np.exp(np.mean(np.log(of)))) for camera, of in gains.items()}
+    note = NOTE.format(side=side, keys=KEYS, steps=STEPS[quality], designs=DESIGNS[quality])
     return figure, {"measured": measured, "note": note}
 
 

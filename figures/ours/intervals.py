@@ -13,7 +13,7 @@ from figures.shared.integrands import coverage, hundred_integrands, rare_events
 from figures.shared.sheets.panels import curve, name_axes, titled
 
 TRIALS = {"draft": 200, "paper": 2000}
-"""Of coverage."""
+"""Of distinctions."""
 
 SIZES = {
     "draft": {"few": (16, 256), "many": (32, 256)},
@@ -49,32 +49,23 @@ FEWEST_TRIALS = 10
 TITLE = "Intervals hold what they promise, or say that they are not sure"
 
 NOTE = (
-    "(a) Indicators of {events} sets in 1 to 4 dimensions and their complements, probabilities of 1e-6 to"
-    " .5, Sobol', {rare_sizes} points, {rare_replicates} replicates, up to {rare_trials} trials a cell, "
-    "95 % intervals. Lines are means over all that expect about the same number of hits, shades reach "
-    "down to the worst of them. {wrong} of {rare_tests} cases are below 95 % by more than {sigmas:g} "
-    "sigma. To a tolerance of a fifth of the probability, at least 1e-5: of {rare_stops} results "
-    "{rare_reached:.0%} reached it, and {rare_missed:.1%} of these are off by more. (b) Intervals with "
-    "replicates, in {cells} cells: {integrands} integrands and a skewed one, in 1 to 8 dimensions, "
-    "{sequences}, {sizes} points, {replicates} replicates, up to {trials} trials a cell; bars of "
-    "{sigmas:g} standard deviations of a binomial, for all cells of an integrand. Where rounding or "
-    "resolution widens an interval, it may hold the integral more often than it says: {one_sided} cells "
-    "are tested on one side. {below} of {tests} tests (cells and levels) lie below their level by more "
-    'than {sigmas:g} sigma, by the binomial itself, {above} above; "{skewed}" is not tested: its errors '
-    "are skewed, and the docstring of integrate says so. (c, d) {count} integrands with values in [0, 1] "
-    "and exact integrals, in 1 to 8 dimensions, Sobol', {tried} keys; few are {few[0]} replicates of "
-    "{few[1]} points, many {many[0]} of {many[1]}. Width: geometric means relative to Student's interval "
-    "with few replicates, over integrands and keys. The median narrows the interval with linear "
-    "scrambling, which is the kind median; with Owen's nested scrambling, the kind quantile, its interval"
-    " is {nested:.2f} times as wide as Student's, for smooth integrands. Medians of many replicates miss "
-    "the integral if their distribution is skewed. Intervals by betting hold it whatever the "
-    "distribution, and are that wide: empirical Bernstein intervals of the same replicates are "
-    "{bernstein:.2f} times as wide, {least:.2f} to {most:.2f}. (e) With a tolerance: part of the last "
-    "intervals that hold the integral, of {stops} results with up to {points} points in each of 8 "
-    "replicates; {reached:.0%} reached the tolerance. (f) Share of trials that call any two of 2 to 12 "
-    "identical samplers different, the most over their number, which should be 5 % "
-    "at most. (g) Share of the pairs of 6 samplers that"
-    " are distinguished, each with that many times the error of the one before; normal errors of 5 %."
+    "(a) Indicators of sets in 1 to 4 dimensions and of their complements, probabilities of 1e-6 to .5, "
+    "Sobol' points, 95 % intervals. Lines are means over all that expect about the same number of hits, "
+    "shades reach down to the worst of them. Tolerances are a fifth of the probability, at least 1e-5. (b) "
+    f"Integrands in 1 to 8 dimensions; bars of {SIGMAS:g} standard deviations of a binomial, for all cells "
+    "of an integrand, as many as tests are allowed to be off. Where rounding or resolution widens an "
+    "interval, it may hold the integral more often than it says, and is tested on one side; "
+    f'"{coverage.SKEWED}" is not tested: its errors are skewed, and the docstring of integrate says so. '
+    f"(c, d) {hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in 1 to 8 "
+    "dimensions, Sobol': few are {few[0]} replicates of {few[1]} points, many {many[0]} of {many[1]}. "
+    "Width: geometric means relative to Student's interval with few replicates, over integrands and "
+    "{tried} keys. The median narrows the interval with linear scrambling (kind median), and less with "
+    "Owen's (kind quantile); medians of many replicates miss the integral if their distribution is skewed. "
+    "Intervals by betting hold it whatever the distribution; empirical Bernstein intervals are of the same "
+    "replicates. (e) Part of the last intervals that hold the integral, up to {points} points in each of 8 "
+    "replicates. (f) Share of trials that call any two of 2 to 12 identical samplers different, the most "
+    "over their number, which should be 5 % at most. (g) Share of the pairs of 6 samplers that are "
+    "distinguished, each with that many times the error of the one before; normal errors of 5 %."
 )
 
 
@@ -92,91 +83,62 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     stops = {kind: hundred_integrands.stopped(kind, width, keys, points, every) for kind in asked}
     progress(0.7)
     rare, rare_stops = _rare(quality)
+    held, widths = _of_kinds(kinds)
+    last = {(kind, "few"): hundred_integrands.by_class(of.held, of.of_class) for kind, of in stops.items()}
+
     figure = titled(TITLE, 7, 10.5, fontsize=10)
     grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
-    places = ((0, slice(None)), *np.ndindex(4, 2))
-    axes = [figure.add_subplot(grid[place]) for place in places if place[0] or place[1] == slice(None)]
-    wrong = _rare_events(axes[0], rare)
-    _coverages(axes[1], cells)
-    held, widths = _of_kinds(kinds)
-    _kinds(axes[2], held, hundred_integrands.LEVEL)
-    axes[2].set_title("(c) 100 integrands: 95 % intervals")
-    axes[2].set_xlabel("part of intervals that hold the integral")
-    _kinds(axes[3], widths, 1)
-    axes[3].set(title="(d) their width", xlabel="width / Student's width, few replicates", xscale="log")
-    marked = dict(zip(*axes[2].get_legend_handles_labels()[::-1], strict=True))
-    axes[2].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
-    last = {
-        (kind, "few"): hundred_integrands.by_class(stop.held, stop.of_class) for kind, stop in stops.items()
-    }
-    _kinds(axes[4], last, hundred_integrands.LEVEL)
-    axes[4].set(title="(e) to a tolerance", xlabel="part that hold the integral")
-    _distinguished(axes[5], [row for row in rows if row["ratio"] == 1])
-    _power(axes[6], [row for row in rows if row["ratio"] != 1])
+    first, *axes = (figure.add_subplot(grid[at]) for at in ((0, slice(None)), *list(np.ndindex(4, 2))[2:]))
+    wrong = _rare_events(first, rare)
+    _coverages(axes[0], cells)
+    level = hundred_integrands.LEVEL
+    x = "part of intervals that hold the integral"
+    _kinds(axes[1], held, level, "(c) 100 integrands: 95 % intervals", x)
+    _kinds(axes[2], widths, 1, "(d) their width", "width / Student's width, few replicates")
+    axes[2].set_xscale("log")
+    marked = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
+    axes[1].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
+    _kinds(axes[3], last, level, "(e) to a tolerance", "part that hold the integral")
+    _distinguished(axes[4], [row for row in rows if row["ratio"] == 1])
+    _power(axes[5], [row for row in rows if row["ratio"] != 1])
+
     ratio = kinds[hundred_integrands.BERNSTEIN, "many"].width / kinds["betting", "many"].width
-    bernstein = float(np.exp(np.log(ratio).mean()))
-    results = sum(stop.held.size for stop in stops.values())
-    tested = _tested(cells)
-    at_stop = [stop.reached for stop in rare_stops], [stop.reached & ~stop.within for stop in rare_stops]
-    stopped, missed = (np.concatenate([each.ravel() for each in of]) for of in at_stop)
-    note = NOTE.format(
-        **tested,
-        events=len(rare_events.EVENTS),
-        rare_sizes=_listed({of.n for of in rare}),
-        rare_replicates=_listed({of.replicates for of in rare}),
-        rare_trials=max(of.trials for of in rare),
-        rare_tests=sum(of.held.size for of in rare),
-        wrong=wrong,
-        rare_stops=stopped.size,
-        rare_reached=stopped.mean(),
-        rare_missed=missed.sum() / stopped.sum(),
-        sigmas=SIGMAS,
-        skewed=coverage.SKEWED,
-        count=hundred_integrands.COUNT,
-        cells=len(cells),
-        integrands=len(coverage.INTEGRANDS) - 1,
-        sequences=_listed({cell.sequence for cell in cells}),
-        sizes=_listed({cell.n for cell in cells}),
-        replicates=_listed({cell.replicates for cell in cells}),
-        trials=max(cell.trials for cell in cells),
-        tried=tried,
-        **sizes,
-        nested=widths["quantile", "few"]["smooth"],
-        bernstein=bernstein,
-        least=float(ratio.min()),
-        most=float(ratio.max()),
-        stops=results,
-        points=points,
-        reached=sum(stop.reached.sum() for stop in stops.values()) / results,
-    )
     return figure, {
         "measured": {
             "rare events": _worst(rare)
-            | {
-                "reached": {_bounded(of.limits): float(of.reached.mean()) for of in rare_stops},
-                "reached, and not within the tolerance": {
-                    _bounded(of.limits): float((of.reached & ~of.within).mean()) for of in rare_stops
-                },
-            },
-            "coverage": tested
+            | {"cases": sum(of.held.size for of in rare), "too low": wrong}
+            | {f"to a tolerance, {_bounded(of.limits)}": _reached(of) for of in rare_stops},
+            "coverage": {"cells": len(cells), **_tested(cells)}
             | {f"{level:.0%}": _share(cells, k) for k, level in enumerate(coverage.LEVELS)},
             "hundred integrands: held": {", ".join(case): of for case, of in held.items()},
             "hundred integrands: width / Student's": {", ".join(case): of for case, of in widths.items()},
-            "empirical Bernstein / betting, width": [bernstein, float(ratio.min()), float(ratio.max())],
+            "empirical Bernstein / betting, width": {
+                "mean": float(np.exp(np.log(ratio).mean())),
+                "least": float(ratio.min()),
+                "most": float(ratio.max()),
+            },
             "to a tolerance": {
-                kind: {
-                    "held": float(stop.held.mean()),
-                    "reached, and not within the tolerance": float((stop.reached & ~stop.within).mean()),
-                    "reached": float(stop.reached.mean()),
-                    "points of a replicate": float(stop.n.mean()),
+                kind: _reached(of)
+                | {
+                    "held": float(of.held.mean()),
+                    "points of a replicate": float(of.n.mean()),
                     "by class": last[kind, "few"],
                 }
-                for kind, stop in stops.items()
+                for kind, of in stops.items()
             },
             "most false distinctions": max(row["rate"] for row in rows if row["ratio"] == 1),
         },
         "table": rows,
-        "note": note,
+        "note": NOTE.format(**sizes, tried=tried, points=points),
+    }
+
+
+def _reached(of: rare_events.Stopped | hundred_integrands.Stopped) -> dict[str, float]:
+    missed = of.reached & ~of.within
+    return {
+        "results": of.reached.size,
+        "reached": float(of.reached.mean()),
+        "reached, and not within the tolerance": float(missed.mean()),
     }
 
 
@@ -213,11 +175,8 @@ def _rare_events(axes: Axes, rare: list[rare_events.Held]) -> int:
     """Draw parts over the expected number of hits; return in how many cases they are too low."""
     wrong = 0
     for of in rare:
-        wrong += int(
-            (
-                bdtr(np.rint((of.held + of.unsure) * of.trials), of.trials, rare_events.LEVEL) < ndtr(-SIGMAS)
-            ).sum()
-        )
+        right = np.rint((of.held + of.unsure) * of.trials)
+        wrong += int((bdtr(right, of.trials, rare_events.LEVEL) < ndtr(-SIGMAS)).sum())
     lines: dict[str, tuple[bool, Callable[[rare_events.Held], Any], str]] = {
         "with limits: hold": (True, lambda of: of.held, "C2-"),
         "without: hold, or say they are not sure": (False, lambda of: of.held + of.unsure, "C0-"),
@@ -236,15 +195,11 @@ def _rare_events(axes: Axes, rare: list[rare_events.Held]) -> int:
             worst = [parts[bins == each].min() for each in at]
             axes.fill_between(10**at, worst, means, color=style[:2], alpha=0.15, lw=0)
     axes.axhline(rare_events.LEVEL, color="0.6", lw=0.8, zorder=0)
-    axes.set(xscale="log", ylim=(-0.02, 1.04), title="(a) rare events: 95 % intervals of indicators")
-    axes.set_xlabel("expected number of hits (or of misses, if these are fewer) in all replicates")
-    axes.set_ylabel("part of intervals")
-    axes.legend(loc="lower right")
+    x = "expected number of hits (or of misses, if these are fewer) in all replicates"
+    title = "(a) rare events: 95 % intervals of indicators"
+    name_axes(axes, x, "part of intervals", title, log="x", legend="lower right", frameon=True)
+    axes.set_ylim(-0.02, 1.04)
     return wrong
-
-
-def _listed(values: set[Any]) -> str:
-    return ", ".join(str(value) for value in sorted(values))
 
 
 def _share(cells: list[coverage.Cell], level: int) -> float:
@@ -303,15 +258,16 @@ def _of_kinds(found: dict[hundred_integrands.Case, hundred_integrands.Intervals]
     return held, {case: {k: float(np.exp(v)) for k, v in of.items()} for case, of in logs.items()}
 
 
-def _kinds(axes: Axes, means: Means, wanted: float) -> None:
+def _kinds(axes: Axes, means: Means, wanted: float, title: str, x: str) -> None:
     """Draw a row for each class, with marks for kinds of intervals, and a line at what is wanted."""
     axes.axvline(wanted, color="0.6", lw=0.8, zorder=0)
     names = list(next(iter(means.values())))
     for k, ((kind, size), of) in enumerate(means.items()):
         y = np.arange(len(names)) + 0.7 * ((k + 0.5) / len(means) - 0.5)
-        color, mark = KINDS[kind], MARKS[size]
-        fill = color if size == "few" else "none"
-        axes.plot(list(of.values()), y, mark, ms=5, color=color, mfc=fill, label=f"{kind}, {size}")
+        fill = KINDS[kind] if size == "few" else "none"
+        look = {"ms": 5, "color": KINDS[kind], "mfc": fill, "label": f"{kind}, {size}"}
+        axes.plot(list(of.values()), y, MARKS[size], **look)
+    axes.set(title=title, xlabel=x)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
 

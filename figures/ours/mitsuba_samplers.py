@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures._errors import rms
 from figures.making import own_process
 from figures.ours import benchmark
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
@@ -96,10 +97,6 @@ SHOWN_SPP, SPECTRUM_SPP = 4, 1
 GOAL = 1.5
 PANEL = 256
 
-EDGES = {"Cornell box": 8, "glossy": 4, "depth of field": 3}
-"""Of the longest paths."""
-
-
 SIZES = {
     "draft": Size(("depth of field",), 32, (1, 4), ("independent", "multijitter", OWEN), 2, 32, 1),
     "paper": Size(
@@ -114,23 +111,16 @@ SIZES = {
 }
 
 NOTE = (
-    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to {edges} edges; one image by "
-    "each sampler: Mitsuba's own, and ours as the plug-in of qmcjax.bridges.mitsuba. Ours have 8 dimensions; "
-    "behind them the plug-in hands out pairs with fresh keys. {lamp}References are means of {replicates} "
-    f"images of 64 multijittered samples. {diffusion.EXPLAINED} Their RMS errors: {{noise}}. At {{most}} "
-    "samples the RMS error of independent samples is {ratios} times that of Owen-scrambled Sobol' points in "
-    f"each pixel; the goal was {GOAL} on two scenes. {{verdict}} Least of all: {{best}}; after the filter: "
-    "{filtered}. Rates are of the Cornell box, {timed_side} x {timed_side} pixels at "
-    f"{TIMED_SPP} samples, paths of up to 8 edges, medians of {{turns}} images in turns, on all "
-    "threads. {rates}At one sample Mitsuba's three are the same points."
-)
-
-RATE = "{what}: of independent samples {speed:.2f} million per second; of others as parts of it: {ratios}. "
-"""One sentence for each variant and mode of loops."""
-
-LAMP = (
-    "In the Cornell box errors are measured in the lower three quarters: above, a few pixels at the edge of "
-    "the lamp have most of the square error. "
+    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to 8 (Cornell box), 4 "
+    "(glossy) and 3 edges (depth of field); one image by each sampler: Mitsuba's own, and ours as the "
+    "plug-in of qmcjax.bridges.mitsuba. Ours have 8 dimensions; behind them the plug-in hands out pairs "
+    "with fresh keys. In the Cornell box errors are measured in the lower three quarters: above, a few "
+    "pixels at the edge of the lamp have most of the square error. References are means of {replicates} "
+    f"images of 64 multijittered samples. {diffusion.EXPLAINED} Asked for was {GOAL} times the error of "
+    "Owen-scrambled Sobol' points by independent samples, on two scenes. Rates are of the Cornell box, "
+    "{timed_side} x {timed_side} pixels at "
+    f"{TIMED_SPP} samples, paths of up to 8 edges, medians of "
+    "{turns} images in turns, on all threads. At one sample Mitsuba's three are the same points."
 )
 
 
@@ -168,30 +158,22 @@ def make(
         }
         for what in ("RMS error", "filtered error")
     }
-    reached = f"It is reached on {sum(ratio >= GOAL for ratio in ratios.values())} of {len(ratios)}."
+    samples = size.timed_side**2 * TIMED_SPP
     numbers = {
         "measured": {
             f"RMS error of independent samples / Owen's, {most} spp": ratios,
             f"least of all, {most} spp": least,
+            "RMS error of references": {name: rms(of.error) for name, of in exact.items()},
             "seconds of the first image, and of others": {
                 what: {shown(name): taken for name, taken in of.items()} for what, of in rates.items()
+            },
+            "million independent samples per second": {
+                what: samples / of["independent"][1] / 1e6 for what, of in rates.items()
             },
         },
         "table": rows,
         "note": NOTE.format(
-            side=size.side,
-            edges=_listed({name: str(EDGES[name]) for name in found}),
-            lamp=LAMP if "Cornell box" in found else "",
-            replicates=size.replicates,
-            noise=_listed({name: f"{np.sqrt(np.mean(of.error**2)):.1e}" for name, of in exact.items()}),
-            most=most,
-            ratios=_listed({name: f"{ratio:.2f}" for name, ratio in ratios.items()}),
-            verdict="Drafts have one scene." if len(ratios) < 3 else reached,
-            best=_listed(least["RMS error"]),
-            filtered=_listed(least["filtered error"]),
-            timed_side=size.timed_side,
-            turns=size.turns,
-            rates="".join(_said(what, of, size) for what, of in rates.items()),
+            side=size.side, replicates=size.replicates, timed_side=size.timed_side, turns=size.turns
         ),
     }
     images = {
@@ -206,20 +188,9 @@ def _by_case(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], dict[str,
     return {(row["scene"], row["sampler"], row["spp"]): row for row in rows}
 
 
-def _said(what: str, taken: dict[str, list[float]], size: Size) -> str:
-    base = taken["independent"][1]
-    others = {shown(name): f"{base / of[1]:.2f}" for name, of in taken.items() if name != "independent"}
-    speed = size.timed_side**2 * TIMED_SPP / base / 1e6
-    return RATE.format(what=what, speed=speed, ratios=_listed(others))
-
-
 def _pictured(size: Size) -> list[str]:
     """Return the samplers whose images are drawn."""
     return [name for name in SHOWN if name in size.samplers]
-
-
-def _listed(of: dict[str, str]) -> str:
-    return ", ".join(f"{value} ({name})" for name, value in of.items())
 
 
 def _missing() -> tuple[Figure, dict]:

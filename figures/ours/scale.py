@@ -34,16 +34,12 @@ NOTE = (
     "On {cores} cores, compiled before. Images: checkerboard, sampler z, float32; the least of several "
     "calls, or one. Processor time is that of all threads, and other programs disturb it less than the "
     "clock. The factor of a doubling is the square root of that from one size to the next, four times as "
-    "large. {factors}A call takes {start:.1f} ms however small the image. Memory is the peak over that "
-    "before, less the image's own: at most {of_spp:.1f} MiB over samples and {of_pixels:.0f} MiB over "
-    "pixels, where large images are made in several calls, {largest:.0f} MiB, or {each:.2f} bytes per "
-    "pixel, for the largest. A mesh of one device takes {overhead:+.1%} of the processor time of none at "
-    "{side} x {side}. Measures: of the first n Sobol' points, float64; one call after another one. "
-    "Dashed: the growth that is expected, through the time at the largest n. Memory is the peak over that "
-    "before the call, by the points' own, where those take 8 MiB or more. In 3-D the star discrepancy is "
-    "bounded by counts in 251^3 cells, in 2-D it is exact. Exponents are least squares over the larger "
-    "half of the n, without logarithms. {held} of {all} measures take at most {allowed} times the points' "
-    "memory at their largest n{others}."
+    "large. Memory is the peak over that before, less the image's own; large images are made in several "
+    "calls. Measures: of the first n Sobol' points, float64; one call after another one. Dashed: the "
+    "growth that is expected, through the time at the largest n. Memory is the peak over that before the "
+    "call, by the points' own, where those take 8 MiB or more. In 3-D the star discrepancy is bounded by "
+    "counts in 251^3 cells, in 2-D it is exact. Exponents are least squares over the larger half of the n, "
+    "without logarithms."
 )
 
 
@@ -66,9 +62,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     for axes in figure.axes:
         axes.xaxis.set_minor_formatter(NullFormatter())
     return figure, {
-        "measured": {"images": images, "measures": measures, "images, a doubling takes": doublings},
+        "measured": {
+            "images": images,
+            "measures": measures,
+            "images, in short": _of_images(images, doublings),
+            f"more than {ALLOWED} times the points' memory at the largest n": {
+                row["measure"]: row[MEMORY] for row in table if (row[MEMORY] or 0) > ALLOWED
+            },
+        },
         "table": table,
-        "note": NOTE.format(cores=machine()["cores"], **_of_images(images, doublings), **_of_measures(table)),
+        "note": NOTE.format(cores=machine()["cores"]),
     }
 
 
@@ -99,26 +102,20 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
 
 
 def _of_images(measured: Mapping[str, Any], doublings: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
-    """Return what the note says of images."""
+    """Return what images cost, from the smallest to the largest."""
     factors = [factor for of in doublings.values() for factor in of.values()]
-    of_factors = ""
-    if factors:
-        inside = sum(abs(factor - DOUBLED) <= WITHIN for factor in factors)
-        of_factors = (
-            f"From 2^{int(np.log2(LARGE))} samples on it is {min(factors):.2f} to {max(factors):.2f}, in "
-            f"{inside} of {len(factors)} cases within {DOUBLED} +- {WITHIN}. "
-        )
     beyond = {kind: [(row["beyond"] or 0) / 2**20 for row in measured[kind]] for kind in IMAGES}
-    largest = beyond["pixels"][-1]
+    inside = sum(abs(factor - DOUBLED) <= WITHIN for factor in factors)
     return {
-        "factors": of_factors,
-        "start": 1e3 * min(row["seconds"] for kind in IMAGES for row in measured[kind]),
-        "of_spp": max(beyond["spp"]),
-        "of_pixels": max(beyond["pixels"]),
-        "largest": largest,
-        "each": largest * 2**20 / measured["pixels"][-1]["side"] ** 2,
-        "overhead": measured["overhead"]["processor seconds"],
-        "side": measured["overhead"]["side"],
+        f"a doubling takes, from {LARGE} samples on": doublings,
+        f"of {len(factors)} doublings, within {DOUBLED} +- {WITHIN}": inside,
+        "milliseconds of a call, however small": 1e3
+        * min(row["seconds"] for kind in IMAGES for row in measured[kind]),
+        "MiB beyond the image, at most": {IMAGES[kind]: max(of) for kind, of in beyond.items()},
+        "bytes per pixel beyond the largest image": beyond["pixels"][-1]
+        * 2**20
+        / measured["pixels"][-1]["side"] ** 2,
+        "processor time of a mesh of one device / of none": 1 + measured["overhead"]["processor seconds"],
     }
 
 
@@ -155,19 +152,6 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
     name_axes(memory, "points", MEMORY, "Measures: peak memory of a call", log="x", legend="best")
     memory.set_ylim(bottom=0)
     return table
-
-
-def _of_measures(table: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return what the note says of measures."""
-    known = [row for row in table if row[MEMORY] is not None]
-    more = [row for row in known if row[MEMORY] > ALLOWED]
-    named = [f"{row['measure']} ({row[MEMORY]:.1f} at n = {row['n']})" for row in more]
-    return {
-        "held": len(known) - len(more),
-        "all": len(known),
-        "allowed": ALLOWED,
-        "others": f"; more take {', '.join(named)}" if more else "",
-    }
 
 
 def _grows(power: float, logs: int) -> str:

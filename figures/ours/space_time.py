@@ -93,8 +93,6 @@ COLUMNS: Mapping[str, tuple[float, Any]] = {
 BLOCKS = "blocks\nof 8"
 """A further column: averages that begin anew every eight frames."""
 
-GOALS = (0.55, 0.45, 0.45, 0.60, 0.60)
-
 PUBLISHED = "published texture"
 
 
@@ -104,13 +102,13 @@ MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
 
 NOTE = (
-    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. Root mean squares over half-spaces, balls, "
-    f"bumps and products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, relative to "
-    "white noise after the same filter; geometric means over keys. Filters in space are Gaussians of 1.5 "
-    "pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. Frames "
-    f"repeat without end: shifts by the golden ratio jump once in {FRAMES} frames. Without a tile, {{goals}} "
-    "were asked, the last of blocks. The moving picture is a soft shadow of one sample per pixel and frame. "
-    "{verdicts}{published}"
+    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. Root mean squares over half-spaces, "
+    f"balls, bumps and products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, "
+    "relative to white noise after the same filter; geometric means over keys. Filters in space are "
+    "Gaussians of 1.5 pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has "
+    f"1.5 frames. Frames repeat without end: shifts by the golden ratio jump once in {FRAMES} frames. "
+    "Asked for were 0.55, 0.45, 0.45, 0.60, and 0.60 of blocks, without a tile. The moving picture is a "
+    "soft shadow of one sample per pixel and frame. "
 )
 
 TEXTURE = (
@@ -215,19 +213,9 @@ def make(
         case: verdicts({n: of for n, of in logs.items() if n != "random"}, labels)
         for case, logs in relative.items()
     }
-    folder = stbn.path()
-    note = NOTE.format(
-        side=side,
-        keys=keys,
-        goals=", ".join(map(str, GOALS)),
-        verdicts=" ".join(
-            f"{case}: {'; '.join(f'{label}: {one}' for label, one in of.items())}."
-            for case, of in said.items()
-        ),
-        published=""
-        if folder is None or texture is None
-        else TEXTURE.format(name=stbn.slices(folder)[0].stem, shape=texture.shape[:3]),
-    )
+    note, folder = NOTE.format(side=side, keys=keys), stbn.path()
+    if folder is not None and texture is not None:
+        note += TEXTURE.format(name=stbn.slices(folder)[0].stem, shape=texture.shape[:3])
     measured = {
         case: {
             name: {label: _with_interval(of[:, k]) for k, label in enumerate(labels)}

@@ -240,11 +240,9 @@ def test_the_figure_says_what_takes_more(monkeypatch):
     kinds = {scale.image_scaling: images, measure_scaling: some}
     monkeypatch.setattr(scale.own_process, "measured", lambda module, _: kinds[module])
     _, numbers = scale.make("draft", lambda fraction: None)
-    assert (
-        "1 of 2 measures take at most 3 times the points' memory at their largest n; more take b (4.0"
-        in (numbers["note"])
-    )
-    assert "it is 2.00 to 2.50, in 1 of 2 cases within 2.0 +- 0.1" in numbers["note"]
+    measured = numbers["measured"]
+    assert measured["more than 3 times the points' memory at the largest n"] == {"b": 4.0}
+    assert measured["images, in short"]["of 2 doublings, within 2.0 +- 0.1"] == 1
     table = numbers["table"]
     assert [row["exponent"] for row in table] == pytest.approx([1.0] * 4)
     assert [row[scale.MEMORY] for row in table] == [1.0, 4.0, None, None]

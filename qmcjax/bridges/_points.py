@@ -10,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import parsed_npy, parsed_npz, suffix_of
+from qmcjax.bridges._arrays import read_npy, read_npz, suffix_of
 from qmcjax.core import checks, tables
 from qmcjax.core.tables import Line, wrong
 
@@ -190,9 +190,9 @@ def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> 
     data = tables.contents(path, max_bytes)
     suffix = path.with_suffix("").suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
     if suffix == ".npz":
-        return {name: array for name, array in parsed_npz(data, max_bytes).items()}
+        return {name: array for name, array in read_npz(data, max_bytes).items()}
     if suffix == ".npy":
-        found = [parsed_npy(data)]
+        found = [read_npy(data)]
     elif suffix == ".bin":
         if dims is None:
             raise ValueError("dims must be given for .bin files, in which it is not")

@@ -63,29 +63,6 @@ class Layout:
         return grid.transpose(0, 2, 1, 3, 4).reshape(self.height, self.width, self.channels)
 
 
-@dataclass(frozen=True)
-class Coding:
-    """The meaning of stored values."""
-
-    bits: int
-    """8, 16 or 32 for an unsigned integer; 24 for a float."""
-    fractions: bool
-    """Whether values are coordinates, or plain numbers."""
-
-    @property
-    def c_type(self) -> str:
-        """The type of a value in C."""
-        return "float" if self.bits == 24 else f"uint{self.bits}_t"
-
-    def point(self, value: str) -> str:
-        """Return the C expression for the coordinate of a value, in float, exact."""
-        if self.bits == 24:
-            return value
-        if self.bits == 32:
-            return f"(float)({value} >> 8) * {2.0**-24!r}f"
-        return f"((float){value} + 0.5f) * {2.0**-self.bits!r}f"
-
-
 _GLSL = """\
 // Sample s < {samples} of pixel (x, y); the tile repeats. Group g begins with coordinate {channels} g.
 // Texture: {width} x {height} texels of {format}, its first row the file's upper one, without mipmaps.
@@ -103,7 +80,7 @@ uvec2 {name}_values(usampler2D texels, uint x, uint y, uint s, uint g) {{
 """
 _GLSL_POINTS = """
 vec2 {name}_point(usampler2D texels, uint x, uint y, uint s, uint g) {{
-    return (vec2({name}_values(texels, x, y, s, g)) + 0.5) * {scale!r};
+    return (vec2({name}_values(texels, x, y, s, g)) + 0.5) * {scale};
 }}
 """
 _GLSL_FLOATS = """
@@ -111,23 +88,6 @@ vec4 {name}_point(sampler2D texels, uint x, uint y, uint s, uint g) {{
     return texelFetch(texels, {name}_texel(x, y, s, g), 0);
 }}
 """
-
-
-def glsl(layout: Layout, coding: Coding, name: str) -> str:
-    """Return functions in GLSL 1.30 and later (and ES 3.0) for a texture."""
-    parts = [_GLSL]
-    if coding.bits == 24:
-        parts += [_GLSL_FLOATS]
-    else:
-        parts += [_GLSL_WORDS, _GLSL_POINTS] if coding.fractions else [_GLSL_WORDS]
-    return "".join(parts).format(
-        **_sizes(layout),
-        name=name,
-        format="RGBA32F" if coding.bits == 24 else f"RG{coding.bits}UI",
-        scale=2.0**-coding.bits,
-    )
-
-
 _CPP = """\
 // Value j < {coordinates} of sample s < {samples} of pixel (x, y); the tile repeats. For processors that
 // store the least byte first.
@@ -159,14 +119,6 @@ _CPP_POINT = """
         return {expression};
     }}
 """
-
-
-def cpp(layout: Layout, coding: Coding, name: str) -> str:
-    """Return a class in C++11 and later for a raw file."""
-    point = _CPP_POINT.format(expression=coding.point("value(x, y, s, j)")) if coding.fractions else ""
-    return _CPP.format(**_sizes(layout), name=name, type=coding.c_type, point=point)
-
-
 _HEADER = """\
 {comment}
 #include <stdint.h>
@@ -187,25 +139,6 @@ static inline float {name}_point(uint32_t x, uint32_t y, uint32_t s, uint32_t j)
     return {expression};
 }}
 """
-
-
-def c_header(layout: Layout, coding: Coding, name: str, comment: str, values: list[str]) -> str:
-    """Return a header in C99 and C++ with all values, in lines."""
-    point = ""
-    if coding.fractions:
-        point = _HEADER_POINT.format(name=name, expression=coding.point(f"{name}_value(x, y, s, j)"))
-    return (
-        _HEADER.format(
-            **_sizes(layout), name=name, comment=comment, type=coding.c_type, values="\n".join(values)
-        )
-        + point
-    )
-
-
-def _sizes(layout: Layout) -> dict[str, int]:
-    names = ("rows", "columns", "samples", "coordinates", "channels", "groups", "across", "width", "height")
-    return {name: getattr(layout, name) for name in names}
-
 
 _DEPTHS = {".png": (8, 16), ".rg16": (16,), ".rgba32f": (24,), ".exr": (24,)}
 """Bits that files other than ``.npz`` and ``.h`` support."""
@@ -276,8 +209,11 @@ class BakedTable:
             raise TypeError(f"name must be a name in C, got {checks.shown(name)}")
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
             raise ValueError(f"name must be a name in C, got {checks.shown(name)}")
-        layout = self._layout(4 if self.bits == 24 else 2)
-        return (glsl if language == "glsl" else cpp)(layout, Coding(self.bits, self.fractions), name)
+        if language == "cpp":
+            point = _CPP_POINT if self.fractions else ""
+            return self._program(_CPP, name, value="value(x, y, s, j)", inside=point)
+        points = [_GLSL_WORDS, _GLSL_POINTS] if self.fractions else [_GLSL_WORDS]
+        return self._program("".join([_GLSL, *([_GLSL_FLOATS] if self.bits == 24 else points)]), name)
 
     def save(self, path: str | PathLike[str]) -> None:
         """Write a file that includes a description of the table.
@@ -304,12 +240,12 @@ class BakedTable:
         else:
             self._save_texture(path, suffix)
 
-    def _layout(self, channels: int) -> Layout:
-        rows, columns, samples, coordinates = self.values.shape
-        return Layout(rows, columns, samples, coordinates, channels)
+    @property
+    def _layout(self) -> Layout:
+        return Layout(*self.values.shape, channels=4 if self.bits == 24 else 2)
 
     def _save_texture(self, path: Path, suffix: str) -> None:
-        layout = self._layout(4 if self.bits == 24 else 2)
+        layout = self._layout
         texels, words = layout.texels(self.values), f"{self.readme}\n{_arrangement(layout)}"
         if suffix == ".exr":
             write_exr(path, texels, words)
@@ -330,7 +266,24 @@ class BakedTable:
         ends = {8: "", 16: "", 24: "f", 32: "u"}[self.bits]
         numbers = [f"{number!s}{ends}" for number in self.values.ravel()]
         lines = [f"    {', '.join(numbers[k : k + 12])}," for k in range(0, len(numbers), 12)]
-        return c_header(self._layout(2), Coding(self.bits, self.fractions), name, comment, lines)
+        value, point = f"{name}_value(x, y, s, j)", _HEADER_POINT if self.fractions else ""
+        return self._program(_HEADER + point, name, value, comment=comment, values="\n".join(lines))
+
+    def _program(self, text: str, name: str, value: str = "", inside: str = "", **more: str) -> str:
+        """Return a program with all names filled in; ``value`` is the expression that it makes points of."""
+        rows, columns, samples, coordinates = self.values.shape
+        floats, layout = self.bits == 24, self._layout
+        scale = repr(2.0**-self.bits)
+        point = {24: value, 32: f"(float)({value} >> 8) * {2.0**-24!r}f"}
+        return text.replace("{point}", inside).format(
+            **more,
+            **{"rows": rows, "columns": columns, "samples": samples, "coordinates": coordinates},
+            **{"channels": layout.channels, "groups": layout.groups, "across": layout.across},
+            **{"width": layout.width, "height": layout.height, "name": name, "scale": scale},
+            type="float" if floats else f"uint{self.bits}_t",
+            format="RGBA32F" if floats else f"RG{self.bits}UI",
+            expression=point.get(self.bits, f"((float){value} + 0.5f) * {scale}f"),
+        )
 
 
 def _arrangement(layout: Layout) -> str:

@@ -6,7 +6,7 @@ computed, each in the outermost loop that it depends on: loop invariants are hoi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -19,6 +19,10 @@ UINT, INT, FLOAT, BOOL = (np.dtype(name) for name in ("uint32", "int32", "float3
 ULONG, LONG, DOUBLE = (np.dtype(name) for name in ("uint64", "int64", "float64"))
 DTYPES = (UINT, INT, FLOAT, BOOL, ULONG, LONG, DOUBLE)
 """The dtypes of values: those of 64 bits only where a program needs them."""
+
+
+def _operator(kind: str) -> Callable[[Value, Value | int], Value]:
+    return lambda self, other: self.apply(kind, other)
 
 
 class Value:
@@ -91,50 +95,17 @@ class Value:
         known = (self.builder.constant(v, self.dtype) if isinstance(v, int) else v for v in others)
         return self.builder.apply(kind, self, *known)
 
-    def __add__(self, other: Value | int) -> Value:
-        return self.apply("add", other)
-
-    def __sub__(self, other: Value | int) -> Value:
-        return self.apply("sub", other)
+    __add__, __sub__, __mul__ = _operator("add"), _operator("sub"), _operator("mul")
+    __and__, __or__, __xor__ = _operator("and"), _operator("or"), _operator("xor")
+    __lshift__, __rshift__ = _operator("shift_left"), _operator("shift_right_logical")
+    __lt__, __le__, __gt__, __ge__ = _operator("lt"), _operator("le"), _operator("gt"), _operator("ge")
+    equals = _operator("eq")
 
     def __rsub__(self, other: int) -> Value:
         return self.builder.constant(other, self.dtype) - self
 
-    def __mul__(self, other: Value | int) -> Value:
-        return self.apply("mul", other)
-
-    def __and__(self, other: Value | int) -> Value:
-        return self.apply("and", other)
-
-    def __or__(self, other: Value | int) -> Value:
-        return self.apply("or", other)
-
-    def __xor__(self, other: Value | int) -> Value:
-        return self.apply("xor", other)
-
     def __invert__(self) -> Value:
         return self.apply("not")
-
-    def __lshift__(self, by: Value | int) -> Value:
-        return self.apply("shift_left", by)
-
-    def __rshift__(self, by: Value | int) -> Value:
-        return self.apply("shift_right_logical", by)
-
-    def __lt__(self, other: Value | int) -> Value:
-        return self.apply("lt", other)
-
-    def __gt__(self, other: Value | int) -> Value:
-        return self.apply("gt", other)
-
-    def __le__(self, other: Value | int) -> Value:
-        return self.apply("le", other)
-
-    def __ge__(self, other: Value | int) -> Value:
-        return self.apply("ge", other)
-
-    def equals(self, other: Value | int) -> Value:
-        return self.apply("eq", other)
 
 
 def innermost(values: Iterable[Value]) -> Loop | None:

@@ -19,27 +19,11 @@ RULES = _numbers.RULES | _indexing.RULES | _loops.RULES | _keys.RULES
 
 
 def read(function: Callable[..., Any], *examples: Any, below: Sequence[int] = ()) -> Program:
-    """Read a function of arrays into a program of scalars.
+    """Read a function of arrays, or pytrees of them, into a program of scalars; it is traced once.
 
-    Parameters
-    ----------
-    function : callable
-        Of arrays, or pytrees of arrays, to an array or a pytree of arrays. It is traced once.
-    *examples : pytree of Arrays, or of jax.ShapeDtypeStruct
-        One per argument. Each entry of each array becomes one input of the program, in C order. A typed key
-        becomes its words.
-    below : sequence of int
-        Limits of the last arguments, which are words.
-
-    Returns
-    -------
-    Program
-
-    Raises
-    ------
-    ValueError
-        If the function uses something that cannot be translated: the message names the primitive and the
-        line of the program that it comes from.
+    Each entry of each array of the examples, one per argument, becomes an input, in C order; a key becomes
+    its words. The last arguments are words below limits, ``below``. What cannot be translated is a ValueError
+    that names the primitive and the line that it comes from.
     """
     closed, _ = traced(function, *examples)
     builder = Builder()

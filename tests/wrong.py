@@ -10,18 +10,41 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import qmc
 
+from analysis import Filter
 from qmcjax import orders, samplers, scenes, sequences, tracing
 
 SAMPLER = samplers.z(4, 4, 4, 1)
 
 VALUES = {
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []], width=[16]),
+    "analysis.design_samples": dict(
+        dims=[1], frames=[3], integrands=["lines"], spp=[3], steps=[10], width=[6]
+    ),
+    "analysis.dispersion": dict(points=[np.zeros((3, 4))]),
+    "analysis.expected_error": dict(
+        filters=[-1.0, Filter([[1.0, -2.0]]), Filter(1.0, [[1.0]]), [Filter(weight=0.0)]],
+        integrands=["lines", {"bumps": -1.0}, [], [scenes.occluder()], [lambda x: x / 0], lambda x, y: x - y],
+        points=[np.zeros((3, 2)), np.ones((2, 2, 1, 2))],
+    ),
     "analysis.filtered_error": dict(sigma=[-1.0], time=[-1.0, [0.0], [[1.0]]]),
     "analysis.interval_counts": dict(digits=[(1,), (1, -1), (20, 9)], points=[np.zeros((1, 65))]),
+    "analysis.minimize": dict(
+        loss=[lambda free, key: np.zeros(2)], noise=[-1.0], parameters=[{}, np.float32(np.nan)], rate=[0.0]
+    ),
+    "analysis.moving_average": dict(alpha=[0.0, 1.5]),
     "analysis.neighbour_differences": dict(base=[1]),
-    "analysis.optimize_scrambling": dict(measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))], steps=[0]),
+    "analysis.optimize_points": dict(
+        measure=[lambda p: p[0], lambda p: 1, lambda p: jnp.log(p[0, 0] - p[0, 0])], steps=[0]
+    ),
+    "analysis.optimize_scrambling": dict(
+        measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))],
+        points=[[[0, 0], [1, 1], [2, 2]], [1, 2], [[1, 1], [2, 2]]],
+        steps=[0],
+    ),
+    "analysis.perceived_error": dict(distance=[0.0, math.inf]),
     "analysis.pixel_means": dict(dims=[(0, 2)], dtype=[jnp.int32], spp=[0], width=[0]),
     "analysis.projection_t_values": dict(size=[3]),
+    "analysis.riesz_energy": dict(exponent=[-1.0, math.inf], points=[np.zeros((1, 2))]),
     "analysis.search_discrepancy": dict(
         dims=[4],
         n=[1, 4097],
@@ -32,7 +55,8 @@ VALUES = {
     "analysis.search_matrices": dict(
         budget_s=[0], dims=[4], seed=[-1], steps=[0], targets=[{}, [(3, 12)], {17: 5}, {3: 0}, {3: 49}]
     ),
-    "analysis.search_net": dict(budget_s=[0], dims=[4], m=[0, 9]),
+    "analysis.search_net": dict(budget_s=[0], dims=[4], m=[0, 9], minimum_squared_distance=[0, 33]),
+    "analysis.soft_min_distance": dict(exponent=[0.0], points=[np.zeros((1, 2))]),
     "analysis.squared_min_distance": dict(
         points=[np.zeros((1, 2), int), [[0, 4], [1, 1]], [[0, -1], [1, 1]]], shear=[5], side=[0, 2**33]
     ),
@@ -246,10 +270,14 @@ TYPES = {
     ),
     "analysis.interval_counts": dict(digits=[1]),
     "analysis.is_stratified": dict(digits=[(0.5, 1)]),
+    "analysis.expected_error": dict(
+        filters=["gauss"], integrands=[None, [3]], points=[np.zeros((2, 2, 1, 2), int)]
+    ),
     "analysis.mean_spectrum": dict(keys=["x", 3], make=[SAMPLER]),
-    "analysis.minimize": dict(loss=[SAMPLER]),
+    "analysis.minimize": dict(loss=[3, SAMPLER], parameters=[{"a": np.arange(3)}], project=[1]),
     "analysis.optimize_points": dict(measure=[SAMPLER]),
-    "analysis.optimize_scrambling": dict(key=["one"], measure=[3, SAMPLER]),
+    "analysis.optimize_scrambling": dict(key=["one"], measure=[3, SAMPLER], points=[[[0.5, 0.5]] * 2]),
+    "analysis.riesz_energy": dict(exponent=["2"], points=[np.zeros((4, 2), np.float16)]),
     "analysis.pixel_means": dict(function=[SAMPLER]),
     "trees.nodes_visited": dict(distance=[SAMPLER, lambda ray: ray]),
     "qmcjax.samplers.randomized": dict(sampler_of_key=[SAMPLER, 3, lambda: SAMPLER]),

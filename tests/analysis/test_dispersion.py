@@ -159,16 +159,6 @@ def test_symmetries(dims):
         assert dispersion(turned, torus) == pytest.approx(dispersion(points, torus), rel=1e-9)
 
 
-def test_duplicates_and_float32():
-    points = np.random.default_rng(4).random((50, 2)).astype(np.float32)
-    assert dispersion(np.tile(points, (3, 1))) == dispersion(points) == dispersion(points.astype(np.float64))
-
-
-def test_more_than_three_dimensions_are_refused():
-    with pytest.raises(ValueError, match=r"at most 3 dimensions.*d=4"):
-        dispersion(np.zeros((3, 4)))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("dims", "n"), [(2, 2**17), (3, 2**14)])
 def test_many_points(dims, n):

@@ -304,24 +304,6 @@ def test_climbing():
     assert climb(grid, np.array([start for start, _ in tops])) == max(value for _, value in tops)
 
 
-@pytest.mark.parametrize("dims", [1, 2, 3, 5])
-def test_order_does_not_matter(dims):
-    rng = np.random.default_rng(dims)
-    points = rng.random((50, dims))
-    measured = star_discrepancy(points)
-    assert star_discrepancy(rng.permutation(points)) == measured
-    assert star_discrepancy(points[:, ::-1]) == pytest.approx(measured, abs=1e-15)
-
-
-@pytest.mark.parametrize("dims", [1, 2, 3])
-def test_arrays_of_any_origin(dims):
-    """float32 points, of numpy or JAX, are measured as the float64 numbers that they are."""
-    points = np.random.default_rng(dims).random((40, dims)).astype(np.float32)
-    exact = star_discrepancy(points.astype(np.float64))
-    assert star_discrepancy(points) == star_discrepancy(jnp.asarray(points)) == exact
-    assert star_discrepancy(points.tolist()) == star_discrepancy(np.asfortranarray(points)) == exact
-
-
 def test_infeasible(monkeypatch):
     """The error names the set, what is known about it, and the function to use instead."""
     points = sobol(5, 64)

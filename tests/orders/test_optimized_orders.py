@@ -164,18 +164,3 @@ def test_covariances_are_those_of_random_half_planes_and_scramblings(log_count):
     scale = sums[:, 0].mean()
     error = np.std(sums - expected * sums[:, :1], axis=0, ddof=1) / np.sqrt(keys) / scale
     assert np.all(np.abs(sums.mean(axis=0) / scale - expected) <= 5 * error + 1e-6)
-
-
-@pytest.mark.slow
-def test_the_program_of_the_tables(monkeypatch):
-    """In small: it finds the same again, and what the sampler reads."""
-    monkeypatch.setattr(make, "LOG_SIDE", 3)
-    monkeypatch.setattr(make, "LOG_COUNTS", 2)
-    monkeypatch.setattr(make, "TRIALS", 20)
-    make.search.cache_clear()
-    ((found, ranks),) = zip(make.orders(), make.ranks(), strict=True)
-    positions, numbers = make.search.__wrapped__(1)
-    make.search.cache_clear()
-    assert np.array_equal(make.packed(positions), found["permutations"][1])
-    assert np.array_equal(numbers, ranks["ranks"][1])
-    assert np.array_equal(np.unique(positions), np.arange(64)) and numbers.max() == 1

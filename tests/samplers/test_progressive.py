@@ -198,22 +198,3 @@ def test_series_are_expansions_at_the_places():
             if dims == 4:
                 cube = make.product(make.product(x, x), x)
                 assert np.array_equal((make.product(y, y) + y) % 2, (cube + x) % 2)
-
-
-@pytest.mark.slow
-def test_the_program_of_the_table(monkeypatch):
-    """In small: the same twice, and as the sampler reads it."""
-    small = {
-        "LOG_SIDE": 3,
-        "LOG_COUNTS": 3,
-        "SHORT_TRIALS": 1,
-        "SHORT_COUNTS": (0, 1),
-        "DIGITS": {2: 8, 4: 6},
-    }
-    for name, value in small.items():
-        monkeypatch.setattr(make, name, value)
-    written = [table for _ in range(2) for table in make.table(20)]
-    with np.load(TABLE) as table:
-        assert table.keys() == written[0].keys()
-    assert all(np.array_equal(written[0][name], written[1][name]) for name in written[0])
-    assert written[0]["positions_4"].shape == (8, 8)

@@ -129,44 +129,46 @@ LONG = frozenset("thesis-6.8 intervals hilbert-5 z-11 z-12".split())
 
 
 MODULES = {
-    "chapter_2.linear_segments": "2.4 2.5 2.7 2.8",
-    "chapter_2.rotation_bounds": "2.6",
-    "chapter_2.spline_curves": "2.1 2.2 2.3",
-    "chapter_3.lens_lines": "3.11",
-    "chapter_3.lens_samples": "3.8 3.9",
-    "chapter_3.moving_triangle": "3.1",
-    "chapter_3.photons": "3.1.5",
-    "chapter_3.prediction": "3.3 3.6",
-    "chapter_3.prediction_error": "3.3.4",
-    "chapter_3.sliding_window": "3.1.3",
-    "chapter_3.times_of_pixels": "3.1.7 3.5",
-    "chapter_3.visibility_in_time": "3.2.1",
-    "chapter_3.visible_segments": "3.2",
-    "chapter_4.builders": "4.1 4.1.3",
-    "chapter_4.counted_trees": "table-4.1",
-    "chapter_4.moving_trees": "4.3.1",
-    "chapter_4.optimised_trees": "table-4.2 table-4.3",
-    "chapter_4.two_means": "4.2",
-    "chapter_5.direction_numbers": "5.4",
-    "chapter_5.distances": "5.21 5.22",
-    "chapter_5.frames": "5.11 5.12",
-    "chapter_5.matrices": "5.5 5.7 5.9",
-    "chapter_5.nets": "5.2 5.3 5.3.2 5.16 5.20 5.23",
-    "chapter_5.permutation_nets": "5.14 5.15 5.17",
-    "chapter_6.moving_scenes": "6.5 6.6 6.7 6.8",
-    "chapter_6.plane_scenes": "6.1 6.2 6.3 6.4",
+    "hilbert.radical_inverses": "hilbert-3 hilbert-4",
+    "thesis.chapter_2.linear_segments": "thesis-2.4 thesis-2.5 thesis-2.7 thesis-2.8",
+    "thesis.chapter_2.rotation_bounds": "thesis-2.6",
+    "thesis.chapter_2.spline_curves": "thesis-2.1 thesis-2.2 thesis-2.3",
+    "thesis.chapter_3.lens_lines": "thesis-3.11",
+    "thesis.chapter_3.lens_samples": "thesis-3.8 thesis-3.9",
+    "thesis.chapter_3.moving_triangle": "thesis-3.1",
+    "thesis.chapter_3.photons": "thesis-3.1.5",
+    "thesis.chapter_3.prediction": "thesis-3.3 thesis-3.6",
+    "thesis.chapter_3.prediction_error": "thesis-3.3.4",
+    "thesis.chapter_3.sliding_window": "thesis-3.1.3",
+    "thesis.chapter_3.times_of_pixels": "thesis-3.1.7 thesis-3.5",
+    "thesis.chapter_3.visibility_in_time": "thesis-3.2.1",
+    "thesis.chapter_3.visible_segments": "thesis-3.2",
+    "thesis.chapter_4.builders": "thesis-4.1 thesis-4.1.3",
+    "thesis.chapter_4.counted_trees": "thesis-table-4.1",
+    "thesis.chapter_4.moving_trees": "thesis-4.3.1",
+    "thesis.chapter_4.optimised_trees": "thesis-table-4.2 thesis-table-4.3",
+    "thesis.chapter_4.two_means": "thesis-4.2",
+    "thesis.chapter_5.direction_numbers": "thesis-5.4",
+    "thesis.chapter_5.distances": "thesis-5.21 thesis-5.22",
+    "thesis.chapter_5.frames": "thesis-5.11 thesis-5.12",
+    "thesis.chapter_5.matrices": "thesis-5.5 thesis-5.7 thesis-5.9",
+    "thesis.chapter_5.nets": "thesis-5.2 thesis-5.3 thesis-5.3.2 thesis-5.16 thesis-5.20 thesis-5.23",
+    "thesis.chapter_5.permutation_nets": "thesis-5.14 thesis-5.15 thesis-5.17",
+    "thesis.chapter_6.moving_scenes": "thesis-6.5 thesis-6.6 thesis-6.7 thesis-6.8",
+    "thesis.chapter_6.plane_scenes": "thesis-6.1 thesis-6.2 thesis-6.3 thesis-6.4",
+    "z.nodes": "z-5 z-7",
+    "z.rendered_scenes": "z-9 z-10",
 }
-"""Modules of the thesis, and the figures that they make: of several, each by the function of its name."""
+"""Modules not called as their figure, and what they make: of several, each by the function of its name."""
 
 
 def _module(name: str) -> str:
     """Return the module that makes a figure, in the package of its paper or of our own, and its function."""
-    paper, _, number = name.partition("-")
-    function = re.sub("[-.]", "_", name)
-    if paper != "thesis":
-        return f"figures.{paper if paper in PAPERS else 'ours'}.{function}"
-    module, numbers = next(item for item in MODULES.items() if number in item[1].split())
-    return f"figures.thesis.{module}" + (f":{function}" if " " in numbers else "")
+    paper, function = name.partition("-")[0], re.sub("[-.]", "_", name)
+    for module, names in MODULES.items():
+        if name in names.split():
+            return f"figures.{module}" + (f":{function}" if " " in names else "")
+    return f"figures.{paper if paper in PAPERS else 'ours'}.{function}"
 
 
 CATALOGUE = {

@@ -1,4 +1,4 @@
-"""Hilbert paper Fig. 4: scrambled radical inverses along space-filling curves, as images."""
+"""Radical inverses along space-filling curves, plain and scrambled (Hilbert paper, Fig. 3 and 4)."""
 
 from collections.abc import Callable
 
@@ -7,11 +7,68 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from figures.making.schema import Claims
-from figures.shared.sheets.curve_tables import CURVES, EXPLAINED, SHARE, Curve, enumerated, square, structure
+from figures.shared.sheets.curve_tables import (
+    CURVES,
+    EXPLAINED,
+    POWER,
+    SHARE,
+    Curve,
+    enumerated,
+    square,
+    structure,
+)
 from figures.shared.sheets.image_sheets import Row, image_sheet
 from qmcjax import sequences
 
 SIDES = (64, 81)
+BASES = (2, 3, 5)
+SUPERIMPOSED = r"$(\phi_2, \phi_3, \phi_5)$"
+
+NOTE_3 = (
+    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The powers of red, green "
+    "and blue are added up. The paper judges by eye: superimposed, correlations with the Moore "
+    "and Hilbert curves become harder to identify."
+)
+
+
+def hilbert_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Show three radical inverses for each curve, and all of them as red, green and blue."""
+    rows: dict[str, dict] = {rf"$\phi_{base}$": {} for base in BASES} | {SUPERIMPOSED: {}}
+    measured = {}
+    for name in CURVES:
+        curve = square(name, *SIDES)
+        images = {f"phi_{base}": enumerated(curve, sequences.van_der_corput(base)) for base in BASES}
+        images["superimposed"] = np.stack(list(images.values()), axis=-1)
+        for row, image in zip(rows.values(), images.values(), strict=True):
+            row[name] = image
+        measured[name] = {row: structure(image) for row, image in images.items()}
+    title = "Radical inverses along the curves (Hilbert paper, Fig. 3)"
+    figure = image_sheet(title, {label: Row(images) for label, images in rows.items()})
+    return figure, {"measured": measured, "claims": _claims_3(measured), "note": NOTE_3}
+
+
+def _claims_3(measured: dict) -> Claims:
+    share = {name: {row: of[SHARE] for row, of in rows.items()} for name, rows in measured.items()}
+    together = {name: rows["superimposed"] for name, rows in share.items()}
+    return {
+        "all have regular structures: more than twice the share of white noise": {
+            name: min(rows.values()) > 0.1 for name, rows in share.items()
+        },
+        "they resemble masks of blue noise: less than half of white noise at low frequencies": {
+            f"{name}, {row}": of[POWER] < 0.5 for name, rows in measured.items() for row, of in rows.items()
+        },
+        "Morton, phi_2: nothing but stripes and other structures": share["Morton"]["phi_2"] > 0.99,
+        "superimposed, Hilbert and Moore are less regular than each of the three": {
+            f"{name}, {row}": together[name] < share[name][row]
+            for name in ("Hilbert", "Moore")
+            for row in ("phi_2", "phi_3", "phi_5")
+        },
+        "superimposed, Hilbert and Moore are less regular than Morton and Peano": (
+            max(together["Hilbert"], together["Moore"]) < min(together["Morton"], together["Peano"])
+        ),
+    }
+
+
 KEY = 1
 
 PHI_2, PHI_5 = sequences.van_der_corput(2), 2
@@ -30,7 +87,7 @@ IN_COLUMNS = "leading bit is one in each column, and alternates from column to c
 ON_CURVE = "leading bit alternates along the curve"
 ON_EDGES = "leading bit differs across every edge of two pixels"
 
-NOTE = (
+NOTE_4 = (
     f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the "
     "power in the strongest 1 % of frequencies is written over each image. The paper shows the scrambled "
     "ones only, without phi_2 and phi_5 by themselves. "
@@ -42,7 +99,7 @@ NOTE = (
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def hilbert_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show phi_2 by itself and scrambled in two ways, and phi_5 by itself and with better digits."""
     sheet: dict[str, dict[str, NDArray]] = {label: {} for label in SOURCES}
     measured = {}
@@ -68,7 +125,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "power\nthe strongest 1 % of its frequencies have (white noise: 6 %)"
     )
     figure = image_sheet(title, rows, panel=256)
-    return figure, {"measured": measured, "claims": _claims(measured, leading), "note": NOTE}
+    return figure, {"measured": measured, "claims": _claims_4(measured, leading), "note": NOTE_4}
 
 
 def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
@@ -83,7 +140,7 @@ def _halves(curve: Curve, image: NDArray[np.float64]) -> dict[str, bool]:
     }
 
 
-def _claims(measured: dict, leading: dict[str, list[NDArray[np.bool_]]]) -> Claims:
+def _claims_4(measured: dict, leading: dict[str, list[NDArray[np.bool_]]]) -> Claims:
     change = {
         name: rows["phi_5, Faure-Lemieux"][SHARE] - rows["phi_5"][SHARE] for name, rows in measured.items()
     }

@@ -1,9 +1,9 @@
-"""Z paper Fig. 7: the nodes of a scrambled Morton order, and those of a self-similar tree, aligned."""
+"""Permutations and letters at the nodes of scrambled Morton orders (Z paper, Fig. 5 and 7)."""
 
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,20 +15,135 @@ from numpy.typing import NDArray
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
 from figures.shared.sheets.panels import titled
-from figures.z.z_5 import Node, draw_nodes, pi_of
+from figures.z.z_2 import write
 from qmcjax import orders, samplers
+
+LEVELS_5 = 3
+SIDE = 2**LEVELS_5
+
+KEY_5 = 192
+"""The first key whose order has the two permutations that the caption spells out."""
+
+PRINTED_5 = {"": [2, 3, 1, 0], "0": [3, 0, 1, 2]}
+
+NOTE_5 = (
+    "The caption gives two of the permutations; the order is the library's with the first key that has "
+    "both. The permutations are read off the positions of the first pixel of each block, and Eq. 5 with "
+    "them gives all 64 positions back. Eq. 4 prints (4^(log2(n) - 1) - 1) / 3 for their number, for n = 8 "
+    "that is 5; its sum is (4^log2(n) - 1) / 3 = 21. The caption calls pi_3 that of the top-left "
+    "quadrant: by Eq. 6 the digit of the top-left quadrant is 2, and 3 is the top-right one, as in its "
+    "own list of the four."
+)
+
+
+def z_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+    """Draw the names and values of the permutations, and the order that they make."""
+    code = curve_of(orders.morton(SIDE, SIDE)).positions
+    scrambled = curve_of(orders.scrambled_morton(SIDE, SIDE, KEY_5)).positions
+    permutations = _permutations(code, scrambled)
+    example = int("321", 4)
+
+    figure = titled(
+        "Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)", 12, 6.2
+    )
+    panels = figure.subplots(1, 2)
+    _draw_tree(panels[0], permutations)
+    texts = np.vectorize(lambda i: np.base_repr(i, 4).zfill(LEVELS_5))(scrambled)
+    write(panels[1], scrambled, texts, "scrambled positions in base 4", 2)
+
+    worked = np.vectorize(lambda z: _equation_5(_digits(z), permutations))(code)
+    measured = {
+        "permutations": {"pi" + ("_" + prefix if prefix else ""): pi for prefix, pi in permutations.items()},
+        "number of permutations": len(permutations),
+        "worked example": {
+            "canonical index": _digits(example),
+            "scrambled index": _digits(_equation_5(_digits(example), permutations)),
+        },
+    }
+    printed = {"pi": PRINTED_5[""], "pi_0": PRINTED_5["0"], "number of permutations, by Eq. 4 as printed": 5}
+    claims = {
+        "Eq. 5 gives the order": np.array_equal(worked, scrambled),
+        "Eq. 4 gives the number of permutations": (4 ** (LEVELS_5 - 1) - 1) // 3 == len(permutations),
+        "pi_3 is that of the top-left quadrant": int(code[-1, 0]) // 4 ** (LEVELS_5 - 1) == 3,
+    }
+    return figure, {"measured": measured, "printed": printed, "claims": claims, "note": NOTE_5}
+
+
+def _digits(index: int) -> str:
+    return np.base_repr(index, 4).zfill(LEVELS_5)
+
+
+def _permutations(code: NDArray[np.int64], scrambled: NDArray[np.int64]) -> dict[str, list[int]]:
+    """Return the permutation at each node, by the leading base 4 digits of its pixels' canonical index."""
+    along = scrambled.ravel()[np.argsort(code, axis=None)]
+    permutations = {}
+    for level in range(LEVELS_5):
+        children = along[:: 4 ** (LEVELS_5 - 1 - level)] // 4 ** (LEVELS_5 - 1 - level) % 4
+        for node, pi in enumerate(children.reshape(-1, 4).tolist()):
+            permutations[np.base_repr(node, 4).zfill(level) if level else ""] = pi
+    return permutations
+
+
+def _equation_5(digits: str, permutations: dict[str, list[int]]) -> int:
+    """Permute each digit by the permutation that the digits before it name."""
+    return int("".join(str(permutations[digits[:k]][int(digit)]) for k, digit in enumerate(digits)), 4)
+
+
+def _draw_tree(axes: Axes, permutations: dict[str, list[int]]) -> None:
+    """Write each permutation into the middle of the block whose quadrants it orders, y upward."""
+    nodes = {}
+    for prefix, pi in permutations.items():
+        colour = (VERMILLION, BLUE, "black")[len(prefix)]
+        nodes[prefix] = Node(f"{pi_of(prefix)} = {''.join(map(str, pi))}", colour, colour)
+    draw_nodes(axes, nodes, 3, (12, 2))
+    axes.set_title("order of bottom left, bottom right, top left, top right")
+
+
+def pi_of(prefix: str) -> str:
+    """Return the name of the permutation at the node that digits lead to."""
+    return rf"$\pi_{{{prefix}}}$" if prefix else r"$\pi$"
+
+
+class Node(NamedTuple):
+    """What is written into a block, and the colours of that and of the lines that part its quadrants."""
+
+    text: str
+    colour: str
+    lines: str
+
+
+def draw_nodes(axes: Axes, nodes: dict[str, Node], width: float, font: tuple[float, float]) -> None:
+    """Write nodes into the middles of their blocks, by the digits that lead there, y upward.
+
+    Lines are ``width`` wide, less 1 a level; texts have the first size of ``font``, less the second a level.
+    """
+    for prefix, (text, colour, lines) in nodes.items():
+        size, x, y = 1.0, 0.0, 0.0
+        for digit in prefix:
+            size /= 2
+            x, y = x + size * (int(digit) & 1), y + size * (int(digit) >> 1)
+        level = len(prefix)
+        look: dict[str, Any] = {"color": lines, "lw": width - level, "zorder": -level}
+        axes.plot([x, x + size], [y + size / 2] * 2, **look)
+        axes.plot([x + size / 2] * 2, [y, y + size], **look)
+        look = {"fontsize": font[0] - font[1] * level, "color": colour, "ha": "center", "va": "center"}
+        box = {"facecolor": "white", "edgecolor": colour, "pad": 2.5}
+        axes.text(x + size / 2, y + size / 2, text, bbox=box, **look)
+    axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
+    axes.spines[:].set_visible(True)
+
 
 LETTERS = "ABCDE"
 PRODUCTION = {"A": "BCDE", "B": "ACED", "C": "DEBA", "D": "CEBA", "E": "ABCD"}
 """Eq. 11."""
 
-LEVELS = 3
+LEVELS_7 = 3
 """That are drawn."""
 DEEP = 6
 """Levels whose neighbours are compared."""
-KEY = 1
+KEY_7 = 1
 
-PRINTED = {
+PRINTED_7 = {
     "production, 4096 letters": 2**16,
     "production, 256 letters": 2**10,
     "permutations, 4096 letters": 2**12,
@@ -38,7 +153,7 @@ PRINTED = {
 
 COLOURS = dict(zip(LETTERS, (VERMILLION, BLUE, GREEN, ORANGE, PURPLE), strict=True))
 
-NOTE = (
+NOTE_7 = (
     "Children are named by the digits of the Morton code, 0 and 1 the lower two, y upward. The order is the "
     "library's with the production of Eq. 11 and five permutations; that the tree is self-similar is seen in "
     "its positions: under all nodes of a letter the pixels come in the same order. Repetitions are the parts "
@@ -49,7 +164,7 @@ NOTE = (
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both trees, and check that positions follow letters."""
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
     figure = titled("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)", 11, 6)
@@ -87,13 +202,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             repeated["random, 4096 letters"] < 1e-3
         ),
         "ART has no repetitions": repeated["ART, 4096 letters"] == 0,
-        "tables have the printed sizes": {name: size == PRINTED[name] for name, size in sizes.items()},
+        "tables have the printed sizes": {name: size == PRINTED_7[name] for name, size in sizes.items()},
     }
     return figure, {
         "measured": measured,
-        "printed": {"bytes of tables": PRINTED},
+        "printed": {"bytes of tables": PRINTED_7},
         "claims": claims,
-        "note": NOTE.format(side=2**DEEP),
+        "note": NOTE_7.format(side=2**DEEP),
     }
 
 
@@ -101,7 +216,7 @@ def _sizes() -> dict[str, int]:
     """Return the bytes of the tables of look-up trees."""
 
     def tables(letters: int, dims: int) -> tuple[int, int]:
-        sampler = samplers.z(2, 2, 1, KEY, "tree", constituents=(1,) * dims, alphabet=letters)
+        sampler = samplers.z(2, 2, 1, KEY_7, "tree", constituents=(1,) * dims, alphabet=letters)
         arrays = [leaf for leaf in jax.tree.leaves(sampler) if leaf.size >= letters]
         production = max((leaf for leaf in arrays if leaf.shape[-1:] == (4,)), key=lambda leaf: leaf.size)
         return production.nbytes, sum(leaf.nbytes for leaf in arrays) - production.nbytes
@@ -116,7 +231,7 @@ def _sizes() -> dict[str, int]:
 
 def _rules(variant: str, letters: int | None) -> NDArray[np.int64]:
     """Return the library's production: the letters of the children of each."""
-    order: Any = orders.scrambled_morton(2, 2, KEY, variant, letters)
+    order: Any = orders.scrambled_morton(2, 2, KEY_7, variant, letters)
     return np.asarray(order.production).astype(np.int64)
 
 
@@ -145,13 +260,13 @@ def _among_siblings(grid: NDArray) -> float:
 
 def _similar(rules: NDArray) -> bool:
     """Tell whether equal letters have the same order of pixels below, in a square of 2**LEVELS blocks."""
-    side = 2 ** (LEVELS + 2)
+    side = 2 ** (LEVELS_7 + 2)
     permutations = jnp.array([3, 8, 13, 18, 23], jnp.uint8)
-    order: Any = orders.scrambled_morton(side, side, KEY, "tree", len(rules))
+    order: Any = orders.scrambled_morton(side, side, KEY_7, "tree", len(rules))
     order = replace(order, production=jnp.asarray(rules, jnp.uint16), permutations=permutations)
     positions = curve_of(order).positions
     below: dict[int, NDArray] = {}
-    for (row, column), letter in np.ndenumerate(_grid(rules, LEVELS)):
+    for (row, column), letter in np.ndenumerate(_grid(rules, LEVELS_7)):
         inside = positions[4 * row : 4 * row + 4, 4 * column : 4 * column + 4] % 16
         if not np.array_equal(below.setdefault(int(letter), inside), inside):
             return False
@@ -161,7 +276,7 @@ def _similar(rules: NDArray) -> bool:
 def _draw(axes: Axes, title: str, rules: NDArray, text: Callable[[str, str], str]) -> None:
     """Write each node into the middle of its square."""
     nodes = {}
-    for level in range(LEVELS):
+    for level in range(LEVELS_7):
         for prefix in map("".join, product("0123", repeat=level)):
             letter = LETTERS[_letter(rules, prefix)]
             nodes[prefix] = Node(text(prefix, letter), COLOURS[letter], "0.5")

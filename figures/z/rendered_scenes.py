@@ -1,0 +1,252 @@
+"""Rendered scenes by four samplers: an occluder, motion blur, a lens, paths (Z paper, Fig. 9 and 10)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+import analysis
+from figures._errors import rms
+from figures.making.schema import Claims
+from figures.shared import judged
+from figures.shared.rendered import diffusion, scene_images
+from figures.shared.sheets.image_sheets import magnified, magnified_sheet
+from figures.z import z_renderings
+from figures.z.z_renderings import EFFECTS, SPP, make_samplers
+from qmcjax import scenes
+
+CROP = (0.2, 0.6, 0.25)
+
+PATTERN = 1.5
+"""How much stronger the strongest wave is than that of an error without aliasing."""
+
+WHITE = (0.6, 1.4)
+"""Power at low frequencies that is near to that of white noise."""
+
+
+SIDE_9 = {"draft": 128, "paper": 256}
+REPLICATE = {"draft": 16, "paper": 64}
+
+KEYS = {"draft": 4, "paper": 16}
+JUDGED_SIDE_9 = {"draft": 32, "paper": 128}
+"""Over how many keys claims are judged, on images of this side."""
+
+NOTE_9 = (
+    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes and cameras are ours. Sentences are judged "
+    "on {small} x {small} pixels over {keys} keys. References are {origin}. Errors are over linear RGB; "
+    "filtered errors are root mean squares after a Gaussian of 1.5 pixels, powers 1 for white noise, low "
+    "those below 1/16 of a cycle per pixel. x and y, and each u and v, are pairs, others are single. (0,2): "
+    "Sobol' points xored and shuffled in each pixel. Sobol': over the full screen, not scrambled. Ranked "
+    "keys, after Heitz et al., are our own, another tile and order of the samples for each pair. Z: by "
+    "hashing. "
+)
+
+
+def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
+    """Render the occluder, and measure errors and their spectra; hand the images out."""
+    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS[quality], scenes.occluder()
+    exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
+    images = {"reference": exact.image}
+    panels = [magnified("occluder\nreference", exact.image, CROP)]
+    measured: dict[str, dict[str, float]] = {}
+    for name, sampler in make_samplers(scene.needs, side).items():
+        image = images[name] = scene_images.image(scene, sampler, side, SPP)
+        measured[name] = _measures(image, exact)
+        caption = f"{name}\nfiltered error {measured[name]['filtered error']:.4f}"
+        panels.append(magnified(caption, image, CROP))
+    progress(0.2)
+    over_keys = {}
+    of_small = diffusion.reference_of("occluder", small, REPLICATE[quality])
+    by_key = [make_samplers(scene.needs, small, key=key) for key in range(keys)]
+    for name in measured:
+        keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
+        found = [_measures(image, of_small) for image in scene_images.of_keys(scene, keyed, small, SPP)]
+        over_keys[name] = {measure: [of[measure] for of in found] for measure in found[0]}
+        progress(0.2 + 0.8 * len(over_keys) / len(measured))
+    title = (
+        f"A complex occluder and three coloured lights, {SPP} samples per pixel (Z paper, Fig. 9)\n"
+        f"our scene, {side} x {side} pixels, one key; filtered error: RMS after a Gaussian of 1.5 pixels; "
+        "ranked keys: ours, after Heitz et al."
+    )
+    note = NOTE_9.format(side=side, small=small, keys=keys, origin=exact.origin) + z_renderings.note()
+    numbers = {
+        "measured": measured
+        | {
+            "over keys": {
+                name: {measure: judged.interval(values) for measure, values in of.items()}
+                for name, of in over_keys.items()
+                if name != "Sobol'"
+            },
+            "Sobol', image of the keys": {measure: of[0] for measure, of in over_keys["Sobol'"].items()},
+            "filtered error, Z over (0,2)": judged.ratio(
+                over_keys["Z"]["filtered error"], over_keys["(0,2)-sequence"]["filtered error"]
+            ),
+            "keys": keys,
+            "reference_error": rms(exact.error),
+        },
+        "claims": _claims_9(over_keys),
+        "note": note,
+    }
+    return magnified_sheet(title, panels, len(panels), 256, below=True), numbers, images
+
+
+def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:
+    return {
+        "RMS error": diffusion.rms_error(image, exact),
+        "filtered error": analysis.filtered_error(image, exact.image),
+        "low-frequency power": analysis.low_frequency_power(image, exact.image),
+        "strongest wave": float(analysis.error_spectrum(image, exact.image).max()),
+    }
+
+
+def _claims_9(over_keys: dict[str, dict[str, list[float]]]) -> Claims:
+    low = {name: np.array(of["low-frequency power"]) for name, of in over_keys.items()}
+    waves = {name: np.array(of["strongest wave"]) for name, of in over_keys.items()}
+    filtered = {name: of["filtered error"] for name, of in over_keys.items()}
+    return {
+        "Z has a blue-noise error: less than a third of white noise at low frequencies": judged.below(
+            low["Z"], 1 / 3
+        ),
+        "Z has less error from afar than (0,2)": judged.smaller(filtered["Z"], filtered["(0,2)-sequence"]),
+        "(0,2) diffuses nothing: low frequencies within 40 % of white noise": judged.all_of(
+            judged.below(low["(0,2)-sequence"], WHITE[1]), judged.below(-low["(0,2)-sequence"], -WHITE[0])
+        ),
+        f"Sobol' has aliasing: its strongest wave {PATTERN:g} times that of (0,2)": judged.below(
+            PATTERN * waves["(0,2)-sequence"], float(waves["Sobol'"][0])
+        ),
+    }
+
+
+SIDE_10 = {"draft": 32, "paper": 128}
+JUDGED_SIDE_10 = {"draft": 32, "paper": 64}
+"""Of images of all keys."""
+SHOWN = 256
+"""Pixels of the picture for an image."""
+SPP_10 = 16
+REFERENCE_SPP = {"draft": 256, "paper": 65536}
+BOUNCES = {"draft": 2, "paper": 6}
+
+ALMOST = 1.2
+"""Up to this factor an error is almost the least."""
+
+CROPS = {
+    "sports": (0.3, 0.5, 0.25),
+    "defocus": (0.4, 0.05, 0.25),
+    "interior": (0.4, 0.55, 0.25),
+    "caustic": (0.55, 0.6, 0.25),
+}
+"""Scenes with their magnified areas."""
+
+NOTE_10 = (
+    f"{{side}} x {{side}} pixels, {SPP_10} samples per pixel; scenes are the package's: sports for motion "
+    "blur, defocus for depth of field, the interior with {bounces} bounces for path tracing, the caustic "
+    "for bidirectional path tracing. Sentences are judged on {small} x {small} pixels over {keys} keys; "
+    "Sobol' has none. Errors are root mean squares over these; the ratio is of filtered to whole errors. "
+    f"Artifacts are read as an error from afar, which is the filtered one, of more than {ALMOST:g} times "
+    f"that of Z, almost the best as one of less than {ALMOST:g} times the least. (0,2): Sobol' points "
+    "xored and shuffled in each pixel. Ranked keys, after Heitz et al., are our own, another tile and "
+    "order of the samples for each pair of dimensions. Z: by hashing. What the paper shows in large images "
+    "is more than these numbers. Side by side, the four scenes make one image: sports and defocus above "
+    "the interior and the caustic. {origins}"
+)
+
+
+def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
+    """Render the four scenes by the four samplers, measure errors seen from afar, and hand the images out."""
+    side, small, keys = SIDE_10[quality], JUDGED_SIDE_10[quality], KEYS[quality]
+    compared = {name: getattr(scenes, name)() for name in CROPS}
+    compared["interior"] = scenes.interior(BOUNCES[quality])
+    panels, over_keys, origins = [], {}, ""
+    handed_out: dict[str, list[NDArray]] = {}
+    for done, (title, scene) in enumerate(compared.items(), start=1):
+        exact, area = _exact(title, scene, side, quality)
+        of_small, area_of_small = (exact, area) if small == side else _exact(title, scene, small, quality)
+        origins += f"The reference of {title} is {exact.origin}. "
+        panels.append(magnified(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
+        handed_out.setdefault("reference", []).append(exact.image)
+        found, images = over_keys.setdefault(title, {}), {}
+        by_key = [make_samplers(scene.needs, small, SPP_10, key) for key in range(keys)]
+        for name in by_key[0]:
+            keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
+            images[name] = scene_images.of_keys(scene, keyed, small, SPP_10)
+            found[name] = [diffusion.measures(image, of_small, area_of_small) for image in images[name]]
+        for name, made in make_samplers(scene.needs, side, SPP_10, 0).items():
+            image = images[name][0] if small == side else scene_images.image(scene, made, side, SPP_10)
+            error = diffusion.measures(image, exact, area)["filtered error"]
+            panels.append(magnified(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
+            handed_out.setdefault(name, []).append(image)
+        progress(done / len(compared))
+    bounces = BOUNCES[quality]
+    note = NOTE_10.format(side=side, small=small, bounces=bounces, keys=keys, origins=origins)
+    title = (
+        f"Motion blur, a lens, paths and a caustic, {SPP_10} samples per pixel (Z paper, Fig. 10)\n"
+        f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
+        "of the key that is shown; ranked keys: ours, after Heitz et al."
+    )
+    figure = magnified_sheet(title, panels, len(handed_out), SHOWN, below=True)
+    afar = {
+        title: {name: [of["filtered error"] for of in keys] for name, keys in found.items()}
+        for title, found in over_keys.items()
+    }
+    numbers = {
+        "measured": {
+            title: {name: _together(keys) for name, keys in found.items()}
+            for title, found in over_keys.items()
+        }
+        | {
+            "filtered error over that of Z": {
+                title: {name: judged.ratio(errors, of["Z"]) for name, errors in of.items() if name != "Z"}
+                for title, of in afar.items()
+            },
+            "keys": keys,
+        },
+        "claims": _claims_10(afar),
+        "note": note + z_renderings.note() + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED,
+    }
+    return figure, numbers, {name: _side_by_side(images) for name, images in handed_out.items()}
+
+
+def _exact(title: str, scene: Any, side: int, quality: str) -> tuple[diffusion.Reference, diffusion.Area]:
+    """Return the reference of a scene, and the area in which errors are measured."""
+    area = diffusion.beside_window(side) if title == "interior" else diffusion.WHOLE
+    return diffusion.reference(scene, side, REFERENCE_SPP[quality]), area
+
+
+def _side_by_side(images: list[NDArray]) -> NDArray[np.float64]:
+    """Return one image of four."""
+    return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)])
+
+
+def _together(found: list[dict[str, float]]) -> dict[str, float]:
+    """Return measures over keys: errors by their squares, the power by its mean."""
+    errors = {name: rms([of[name] for of in found]) for name in ("RMS error", "filtered error")}
+    low = float(np.mean([of["low-frequency power"] for of in found]))
+    ratio = errors["filtered error"] / errors["RMS error"]
+    return errors | {"ratio": ratio, "low-frequency power": low}
+
+
+def _claims_10(afar: dict[str, dict[str, list[float]]]) -> Claims:
+    def others(name: str) -> list[str]:
+        """Return what a sampler is compared to: ranked keys not to those that they stand for."""
+        same = z_renderings.names() if name in z_renderings.names() else (name,)
+        return [other for other in afar["sports"] if other not in same]
+
+    return {
+        "the others manifest artefacts in at least one scenario": {
+            name: judged.any_of(*(judged.smaller(of["Z"], of[name], 1 / ALMOST) for of in afar.values()))
+            for name in others("Z")
+        },
+        "Z almost delivers the best quality": {
+            title: judged.all_smaller(of, ["Z"], others("Z"), ALMOST) for title, of in afar.items()
+        },
+        "ranked keys slightly outperform Z in the sports car": z_renderings.judged_by(
+            lambda name: judged.smaller(afar["sports"][name], afar["sports"]["Z"])
+        ),
+        "ranked keys fail badly with bidirectional paths: a fifth more error than all others": (
+            z_renderings.judged_by(
+                lambda name: judged.all_smaller(afar["caustic"], others(name), [name], 1 / ALMOST)
+            )
+        ),
+    }

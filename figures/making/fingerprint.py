@@ -29,10 +29,9 @@ def fingerprint(module: str, quality: str) -> str:
     hexadecimal digits do not depend on where the project lies.
     """
     read = sources(module)
-    tables = heitz.path()
+    tables, texture = heitz.path(), stbn.path()
     if tables is not None and heitz.__name__ in read:
         read["published tables"] = tables
-    texture = stbn.path()
     if texture is not None and stbn.__name__ in read:
         read |= {file.name: file for file in stbn.slices(texture)}
     files = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in read.items()}
@@ -48,30 +47,24 @@ def sources(module: str) -> dict[str, Path]:
     of a function may follow ``module`` after a colon.
     """
     module = module.partition(":")[0]
-    roots = {root: _folder(root) for root in {*PROJECT, module.partition(".")[0]}}
-    found: dict[str, Path] = {}
-    pending, seen = [module], set()
+    folders = {root: _folder(root) for root in {*PROJECT, module.partition(".")[0]}}
+    files: dict[str, Path] = {}
+    pending, names = [module], set()
     while pending:
         name = pending.pop()
-        if name in seen:
-            continue
-        seen.add(name)
         root, *rest = name.split(".")
-        parent, _, _ = name.rpartition(".")
-        path = _locate(roots.get(root), rest)
+        path = None if name in names else _locate(folders.get(root), rest)
+        names.add(name)
         if path is None:
             continue
-        found[name] = path
-        is_package = path.name == "__init__.py"
-        if is_package:
-            found |= {
-                f"{name}/{data.relative_to(path.parent).as_posix()}": data
-                for data in _data_files(path.parent)
-            }
-        if parent:
-            pending.append(parent)
-        pending += _imports(path.read_bytes(), name if is_package else parent)
-    return found
+        files[name] = path
+        parent = name.rpartition(".")[0]
+        package = name if path.name == "__init__.py" else parent
+        if package == name:
+            data = _data_files(path.parent)
+            files |= {f"{name}/{file.relative_to(path.parent).as_posix()}": file for file in data}
+        pending += [parent, *_imports(path.read_bytes(), package)]
+    return files
 
 
 def _folder(root: str) -> str | None:

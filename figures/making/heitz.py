@@ -48,14 +48,14 @@ def read(file: Path) -> Tables:
     Raises OSError if it cannot be read; ValueError if an array is missing, has another size, or numbers that
     are not integers from 0 to 255.
     """
-    arrays = _of_npz(file) if file.suffix == ".npz" else _of_cpp(file)
+    arrays = _read_npz(file) if file.suffix == ".npz" else _read_cpp(file)
     missing = [name for name in SIZES if name not in arrays]
     if missing:
         raise ValueError(f"{file} has no array {', '.join(missing)}")
-    return Tables(*(_checked(file, name, arrays[name]) for name in SIZES))
+    return Tables(*(_to_bytes(f"{name} of {file}", arrays[name], size) for name, size in SIZES.items()))
 
 
-def _of_npz(file: Path) -> dict[str, Any]:
+def _read_npz(file: Path) -> dict[str, Any]:
     import numpy as np
 
     try:
@@ -65,39 +65,39 @@ def _of_npz(file: Path) -> dict[str, Any]:
         raise ValueError(f"{file} is no .npz of plain arrays: {error}") from None
 
 
-def _of_cpp(file: Path) -> dict[str, Any]:
+def _read_cpp(file: Path) -> dict[str, Any]:
     """Return the initialisers ``name[...] = { ... }`` of the three arrays."""
+    import numpy as np
+
     try:
         text = file.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise ValueError(f"{file} is neither a C++ file nor an .npz: it is no text") from None
     text = re.sub(r"//[^\n]*|/\*.*?\*/", " ", text, flags=re.DOTALL)
-    found = {}
+    arrays = {}
     for name in SIZES:
         if initialiser := re.search(rf"\b{name}\s*\[[^\]]*\]\s*=\s*\{{([^}}]*)\}}", text):
-            found[name] = _numbers(file, name, initialiser[1])
-    return found
+            words = re.findall(r"[^\s,]+", initialiser[1])
+            wrong = next((word for word in words if not re.fullmatch(r"-?\d{1,9}", word)), None)
+            if wrong is not None:
+                raise _not_bytes(f"{name} of {file}", repr(wrong[:40]))
+            arrays[name] = np.array(words, np.int64)
+    return arrays
 
 
-def _numbers(file: Path, name: str, text: str) -> Any:
-    import numpy as np
-
-    words = [word for word in (part.strip() for part in text.split(",")) if word]
-    wrong = next((word for word in words if not re.fullmatch(r"-?\d{1,9}", word)), None)
-    if wrong is not None:
-        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {wrong[:40]!r}")
-    return np.array(words, np.int64)
-
-
-def _checked(file: Path, name: str, values: Any) -> Any:
+def _to_bytes(name: str, values: Any, size: int) -> Any:
     import numpy as np
 
     flat = values.ravel()
-    if flat.size != SIZES[name]:
-        raise ValueError(f"{name} of {file} must have {SIZES[name]} numbers, got {flat.size}")
+    if flat.size != size:
+        raise ValueError(f"{name} must have {size} numbers, got {flat.size}")
     if not np.issubdtype(flat.dtype, np.integer):
-        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {flat.dtype}")
+        raise _not_bytes(name, flat.dtype)
     outside = flat[(flat < 0) | (flat > 255)]
     if outside.size:
-        raise ValueError(f"{name} of {file} must have integers from 0 to 255, got {outside[0]}")
+        raise _not_bytes(name, outside[0])
     return flat.astype(np.uint8)
+
+
+def _not_bytes(name: str, got: object) -> ValueError:
+    return ValueError(f"{name} must have integers from 0 to 255, got {got}")

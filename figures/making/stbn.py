@@ -27,21 +27,20 @@ def slices(folder: Path) -> list[Path]:
 
     Raises ValueError if there are none, some of several textures, or a frame is missing.
     """
-    found: dict[tuple[str, str], dict[int, Path]] = {}
+    textures: dict[tuple[str, str], dict[int, Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else []:
         named = re.fullmatch(r"(.*)_(\d+)", file.stem)
         if named and file.suffix in SUFFIXES:
-            found.setdefault((named[1], file.suffix), {})[int(named[2])] = file
-    if len(found) != 1:
-        names = ", ".join(sorted(name + suffix for name, suffix in found)) or "none"
+            textures.setdefault((named[1], file.suffix), {})[int(named[2])] = file
+    if len(textures) != 1:
+        names = ", ".join(sorted(name + suffix for name, suffix in textures)) or "none"
         raise ValueError(f"{folder} must have the files NAME_0{'|'.join(SUFFIXES)}, ... of one, got {names}")
-    ((name, suffix), of) = found.popitem()
-    missing = [number for number in range(max(of) + 1) if number not in of]
-    if missing:
-        raise ValueError(
-            f"{folder} must have all frames to {max(of)}: {name}_{missing[0]}{suffix} is missing"
-        )
-    return [of[number] for number in range(len(of))]
+    (((name, suffix), frames),) = textures.items()
+    last = max(frames)
+    for number in range(last):
+        if number not in frames:
+            raise ValueError(f"{folder} must have all frames to {last}: {name}_{number}{suffix} is missing")
+    return [frames[number] for number in range(last + 1)]
 
 
 def read(folder: Path) -> Any:
@@ -72,10 +71,10 @@ def read(folder: Path) -> Any:
     if files[0].suffix == ".png":
         levels = 255 if np.allclose(texture * 255, np.rint(texture * 255), atol=1e-4) else 65535
         texture = (np.rint(texture * levels) + 0.5) / (levels + 1)
-    kept: list[Any] = []
+    channels: list[Any] = []
     for channel in np.moveaxis(texture, -1, 0):
-        if np.ptp(channel) and not any(np.array_equal(channel, other) for other in kept):
-            kept.append(np.minimum(channel, np.nextafter(1.0, 0.0)))
-    if not kept:
+        if np.ptp(channel) and not any(np.array_equal(channel, other) for other in channels):
+            channels.append(np.minimum(channel, np.nextafter(1.0, 0.0)))
+    if not channels:
         raise ValueError(f"{folder} must have values that differ, got {texture.ravel()[0]} only")
-    return np.stack(kept[:2], axis=-1)
+    return np.stack(channels[:2], axis=-1)

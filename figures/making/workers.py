@@ -26,7 +26,7 @@ from figures.making.schema import check_numbers
 from figures.making.this_machine import machine, resident
 
 DPI = 150
-INTERVAL = 0.05
+INTERVAL = 0.1
 """Seconds between looks at what the workers are at."""
 
 MEMORY = 500_000_000

@@ -310,7 +310,7 @@ def make(quality, progress):
     matplotlib.rcParams["lines.linewidth"] = 7.0
     for percent in (0, 20, 60):
         progress(percent / 100)
-        time.sleep(0.15)
+        time.sleep(0.3)
     return Figure(figsize=(1, 1)), {"measured": before}
 """
     project = Project(tmp_path, one=slow, two=slow)

@@ -22,9 +22,6 @@ DECADES = (-2.0, 2.0)
 DEVIATIONS = 3
 """How many root mean squares of a difference are white."""
 
-COUNTED = re.compile(r"(.+), (\d+) spp")
-"""Names of images of a series over samples per pixel."""
-
 
 def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str, Any]]:
     """Encode images of one shape, the reference first; raise a TypeError or ValueError if they are none.
@@ -35,38 +32,42 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
     reference the files of difference and spectrum, the difference's root mean square and the scale of its
     picture.
     """
-    arrays = _checked(images)
-    coded = next(iter(arrays.values())).dtype == np.uint8
-    shown = {name: array if coded else _shown(array) for name, array in arrays.items()}
-    values = {name: array / 255 if coded else array for name, array in arrays.items()}
+    arrays = _check(images)
     first, *others = arrays
+    coded = arrays[first].dtype == np.uint8
+    values = {name: array / 255 if coded else array for name, array in arrays.items()}
     differences = {name: values[name] - values[first] for name in others}
     scales = _scales(differences)
 
-    height, width = arrays[first].shape[:2]
-    files = {f"{slug(first)}.webp": _webp(shown[first])}
-    items: list[dict[str, Any]] = [{"name": first, "file": f"{slug(first)}.webp"}]
-    for name in others:
-        stem, count = slug(name), _count(name)
-        parts = {
-            "file": f"{stem}.webp",
-            "difference": f"{stem}.difference.webp",
-            "spectrum": f"{stem}.spectrum.webp",
-        }
-        files[parts["file"]] = _webp(shown[name])
-        files[parts["difference"]] = _webp(_signed(differences[name], scales[count]))
-        files[parts["spectrum"]] = _webp(_spectrum(values[name], values[first]))
-        spp = {} if count is None else {"spp": count}
-        items.append(
-            {"name": _sampler(name), **spp, **parts, "rms": rms(differences[name]), "scale": scales[count]}
-        )
+    def add(name: str, pixels: NDArray[np.uint8]) -> str:
+        buffer = io.BytesIO()  # A WebP bit by bit is a fifth smaller than a PNG.
+        Image.fromarray(pixels).save(buffer, format="webp", lossless=True, exact=True)
+        files[f"{name}.webp"] = buffer.getvalue()
+        return f"{name}.webp"
+
+    files: dict[str, bytes] = {}
+    items: list[dict[str, Any]] = []
+    for name, array in arrays.items():
+        sampler, spp = _parts(name)
+        shown = array if coded else np.round(255 * plot.srgb(np.clip(array, 0, 1))).astype(np.uint8)
+        items.append({"name": name, "file": add(slug(name), shown)})
+        if name != first:
+            items[-1] |= {
+                "name": sampler,
+                **({} if spp is None else {"spp": spp}),
+                "difference": add(f"{slug(name)}.difference", _signed(differences[name], scales[spp])),
+                "spectrum": add(f"{slug(name)}.spectrum", _spectrum(values[name], values[first])),
+                "rms": rms(differences[name]),
+                "scale": scales[spp],
+            }
     if len(files) != 1 + 3 * len(others):
         raise ValueError(f"images must have names that differ in letters or digits, got {list(images)}")
+    height, width = arrays[first].shape[:2]
     transfer = AS_IT_IS if coded else TRANSFER
     return files, {"width": width, "height": height, "transfer": transfer, "items": items}
 
 
-def _checked(images: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
+def _check(images: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
     if not isinstance(images, Mapping) or not all(isinstance(name, str) for name in images):
         raise TypeError(f"images must be a mapping of names to arrays, got {type(images).__name__}")
     if not images:
@@ -93,30 +94,22 @@ def slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
-def _count(name: str) -> int | None:
-    counted = COUNTED.fullmatch(name)
-    return int(counted[2]) if counted else None
-
-
-def _sampler(name: str) -> str:
-    counted = COUNTED.fullmatch(name)
-    return counted[1] if counted else name
-
-
-def _shown(image: NDArray) -> NDArray[np.uint8]:
-    """Return linear values as screens expect them, by the curve of sRGB."""
-    return np.round(255 * plot.srgb(np.clip(image, 0, 1))).astype(np.uint8)
+def _parts(name: str) -> tuple[str, int | None]:
+    """Return the sampler and the samples per pixel of an image of a series."""
+    parts = re.fullmatch(r"(.+), (\d+) spp", name)
+    return (parts[1], int(parts[2])) if parts else (name, None)
 
 
 def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
     """Return the difference that is white, one for all images of as many samples: they are to be compared."""
     largest: dict[int | None, float] = {}
     for name, difference in differences.items():
-        largest[_count(name)] = max(largest.get(_count(name), 0.0), rms(_grey(difference)))
-    return {count: _rounded_up(DEVIATIONS * value) for count, value in largest.items()}
+        _, spp = _parts(name)
+        largest[spp] = max(largest.get(spp, 0.0), rms(_grey(difference)))
+    return {spp: _round_up(DEVIATIONS * value) for spp, value in largest.items()}
 
 
-def _rounded_up(value: float) -> float:
+def _round_up(value: float) -> float:
     """Return the next of 1, 2 or 5 times a power of ten; 1 for no difference."""
     if value == 0:
         return 1.0
@@ -145,10 +138,3 @@ def _spectrum(image: NDArray, reference: NDArray) -> NDArray[np.uint8]:
     low, high = DECADES
     place = (np.log10(np.maximum(power, 10**low)) - low) / (high - low)
     return np.minimum(SHADES * place, SHADES - 1).astype(np.uint8) * np.uint8(255 // (SHADES - 1))
-
-
-def _webp(pixels: NDArray[np.uint8]) -> bytes:
-    """Return a WebP of grey or colours, bit by bit; a fifth smaller than a PNG."""
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, format="webp", lossless=True, exact=True)
-    return buffer.getvalue()

@@ -12,9 +12,8 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from analysis._design import images
 from analysis._design.expected_error import Integrand, Kernel, classes_of, mean_square, offsets
-from analysis._design.integrand_classes import IntegrandClass
+from analysis._design.integrands import IntegrandClass, blur, is_scene, mean_image_square, render_integrands
 from analysis._design.minimize import TOGETHER, descend
 from analysis._spectra.filters import Filter, autocorrelation
 from qmcjax import samplers, sequences
@@ -136,7 +135,7 @@ def design_samples(
         checks.integer("dims", dims, 1, 2**16),
     )
     dims = shape[4]
-    of_scenes = isinstance(integrands, list | tuple) and any(map(images.is_scene, integrands))
+    of_scenes = isinstance(integrands, list | tuple) and any(map(is_scene, integrands))
     if dims not in (2, 4) and not of_scenes:
         raise ValueError(f"dims must be 2 or 4, got {dims}")
     key = checks.prng_key("key", key)
@@ -148,13 +147,13 @@ def design_samples(
     weights = autocorrelation(shape[:3], filters)
     counts = [shape[3] >> k for k in range(prefixes)]
     if isinstance(integrands, list | tuple):
-        known = images.render_integrands(integrands, shape)
+        known = render_integrands(integrands, shape)
 
         def square(points: Array, step: Array) -> Array:
             width = _WIDE * (_NARROW / _WIDE) ** (step / (chunks * TOGETHER)).astype(points.dtype)
             keys = draws.split(jax.random.fold_in(key, -1 - step), len(known))
-            soft = [images.blur(one, at, width) for one, at in zip(known, keys, strict=True)]
-            return images.mean_square(points, soft, weights)
+            soft = [blur(one, at, width) for one, at in zip(known, keys, strict=True)]
+            return mean_image_square(points, soft, weights)
 
     else:
         nodes = sequences.sobol(dims).points(_NODES) + np.float32(0.5 / _NODES)

@@ -15,8 +15,7 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._design import images
-from analysis._design.integrand_classes import CLASSES, IntegrandClass
+from analysis._design.integrands import CLASSES, IntegrandClass, mean_image_square, render_integrands
 from analysis._spectra.filters import Filter, autocorrelation
 from qmcjax import sequences
 from qmcjax.core import backends, checks
@@ -99,9 +98,7 @@ def expected_error(
     given, shape = as_tile(points)
     weights = autocorrelation(shape[:3], filters)
     if isinstance(integrands, list | tuple):
-        square = partial(
-            images.mean_square, images=images.render_integrands(integrands, shape), weights=weights
-        )
+        square = partial(mean_image_square, images=render_integrands(integrands, shape), weights=weights)
     else:
         pairs, classes = offsets(weights, _LEAST), classes_of(integrands, given, shape[-1])
         square = partial(mean_square, offsets=pairs[0], weights=pairs[1], classes=classes)

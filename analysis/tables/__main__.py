@@ -27,7 +27,7 @@ TABLES: dict[str, tuple[Any, ...]] = {
     "optimized_sequence.txt": ("large_distances:sequence", SEQUENCES),  # Minutes.
     "quadruples.txt": ("quadruples:table", SEQUENCES),  # Minutes.
     "niederreiter_xing.txt": ("niederreiter_xing:table", SEQUENCES),  # Half a minute.
-    "one_two.txt": ("one_two:table", SEQUENCES),  # Minutes.
+    "one_two.txt": ("sobol_components:pairs", SEQUENCES),  # Minutes.
     "discrepancy_records.npz": ("discrepancy_records:table", SEQUENCES, "star"),  # A minute for each size.
     "l2_discrepancy_records.npz": ("discrepancy_records:table", SEQUENCES, "periodic", "average"),
     "optimized.npz": ("optimized_orders:orders", ORDERS),  # Minutes.

@@ -1,4 +1,4 @@
-"""Joe and Kuo's components of Sobol's sequence, and those that make a cascaded net of small t.
+"""Components of Sobol's sequence: Joe and Kuo's, those of a cascaded net of small t, and pairs with t = 1.
 
 **Joe and Kuo's table** is extracted from scipy's Sobol' engine, through its public interface. In Gray code
 order, point 2**(k+1) - 1 is column k alone. Degree s means that the first s columns are free and column s
@@ -6,12 +6,27 @@ follows from Eq. 5.13 of the thesis. In the latter the polynomial's coefficients
 every m_k is odd.
 
 **The components of the cascaded net** are chosen greedily, dimension by dimension:
-``python -m analysis.tables.sobol_components`` prints the tuple of ``cascaded_net`` (minutes). The
-cost is the sum over m of the square of t of all pairs with a previous dimension, and of the last three and
-four dimensions together. Adjacent pairs have t = 0 for any component. No pair is left out: a component that
+``python -m analysis.tables.sobol_components`` prints the tuple of ``cascaded_net`` (minutes). The cost
+is the sum over m of the square of t of all pairs with a previous dimension, and of the last three and four
+dimensions together. Adjacent pairs have t = 0 for any component. No pair is left out: a component that
 is repeated eventually makes the same dimensions again.
+
+**Pairs with t = 1** have the polynomials p and q = p**2 + p + 1 (N. Bonneel et al., "Sobol' Sequences with
+Guaranteed-Quality 2D Projections", 2025). Let L_r be the series, in 1/x, of row r of the matrix of p, of
+degree s: x**(-k - 1) stands for column k. The recurrence of direction numbers (Eq. 5.13 of the thesis) says
+p L_r = L_(r - s), so
+
+    L_(j s + i) = h_i / p**(j + 1) for i < s,
+
+where h_i is a polynomial of degree s - 1 - i. Any h_i is valid, and nothing else is free. The rows of q are
+written in terms of those of p. Then t is at most 1 if for all a and b the first b of them, in columns a to
+a + b, have rank b. For random h_i, those of q are drawn one after the other, and the first that fits the
+previous rows is kept, with backtracking. Of several pairs found that way, the best with the previous ones
+is taken: by the sum of t, over several m, of the four dimensions of the last two pairs and of each dimension
+with each previous one.
 """
 
+import random
 from collections.abc import Iterator
 
 import numpy as np
@@ -19,14 +34,14 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from analysis import t_value
-from qmcjax.sequences import sobol
+from qmcjax.sequences import DirectionNumbers, direction_numbers_text, sobol, sobol_of
 
 DIMS = 21201
-DEGREES = 18
+MOST_DEGREES = 18
 
 CASCADED = 32
 COMPONENTS = 60
-SIZES = range(4, 15)
+CASCADE_SIZES = range(4, 15)
 
 
 def columns(count: int) -> np.ndarray:
@@ -43,9 +58,9 @@ def columns(count: int) -> np.ndarray:
 
 def joe_kuo() -> Iterator[dict[str, NDArray]]:
     """Yield the polynomials and initial direction numbers."""
-    numbers = columns(DEGREES + 1)
+    numbers = columns(MOST_DEGREES + 1)
     polynomials = np.zeros(DIMS - 1, np.uint32)
-    initial = np.zeros((DIMS - 1, DEGREES), np.uint32)
+    initial = np.zeros((DIMS - 1, MOST_DEGREES), np.uint32)
     component, degree = 1, 1
     while component < DIMS:
         # Joe and Kuo take the primitive polynomials in the order of their degrees.
@@ -87,9 +102,9 @@ def following(columns: NDArray[np.uint32], m: int, matrix: NDArray[np.uint32]) -
     return np.bitwise_xor.reduce(digits * matrix[:m], axis=1)
 
 
-def cost(nets: dict[int, list[NDArray[np.uint32]]], most: float) -> float:
+def cascade_cost(nets: dict[int, list[NDArray[np.uint32]]], most: float) -> float:
     """Return the cost of the last dimension, or a partial cost that reached ``most``."""
-    last = len(nets[SIZES[0]]) - 1
+    last = len(nets[CASCADE_SIZES[0]]) - 1
     sets = [(j, last) for j in range(last - 2, -1, -1)]
     sets += [tuple(range(last - k, last + 1)) for k in (2, 3) if last >= k]
     total = 0
@@ -108,13 +123,13 @@ def _words(columns: list[NDArray[np.uint32]]) -> NDArray[np.uint32]:
 def cascade() -> tuple[int, ...]:
     """Return the components."""
     matrices = np.asarray(sobol(COMPONENTS + 1).matrices)
-    nets = {m: [np.uint32(1) << np.arange(32 - m, 32, dtype=np.uint32)] for m in SIZES}
+    nets = {m: [np.uint32(1) << np.arange(32 - m, 32, dtype=np.uint32)] for m in CASCADE_SIZES}
     chosen: list[int] = []
     while len(chosen) < CASCADED - 1:
         least, best = np.inf, (0, nets)
         for component in range(1, COMPONENTS + 1):
             tried = {m: [*net, following(net[-1], m, matrices[component])] for m, net in nets.items()}
-            found = cost(tried, least)
+            found = cascade_cost(tried, least)
             if found < least:
                 least, best = found, (component, tried)
         component, nets = best
@@ -124,3 +139,154 @@ def cascade() -> tuple[int, ...]:
 
 if __name__ == "__main__":
     print(cascade())
+
+
+COLUMNS = 32
+DEGREES = 7
+"""Largest degree of p."""
+TRIES = 20_000
+FOUND = 8
+"""Number of pairs from which the best is taken."""
+PAIR_SIZES = (4, 7, 10, 13)
+
+
+def product(a: int, b: int) -> int:
+    """Multiply polynomials over F2."""
+    result = 0
+    for k in range(b.bit_length()):
+        if b >> k & 1:
+            result ^= a << k
+    return result
+
+
+def quadratic(p: int) -> int:
+    """Return p**2 + p + 1."""
+    return product(p, p) ^ p ^ 1
+
+
+def is_irreducible(polynomial: int) -> bool:
+    """Return whether no polynomial of at most half the degree divides one."""
+    degree = polynomial.bit_length() - 1
+    return all(_remainder(polynomial, divisor) for divisor in range(2, 2 ** (degree // 2 + 1)))
+
+
+def _remainder(a: int, b: int) -> int:
+    while (beyond := a.bit_length() - b.bit_length()) >= 0:
+        a ^= b << beyond
+    return a
+
+
+def rows_of(numerators: list[int], polynomial: int, count: int) -> list[int]:
+    """Return rows of a matrix, bit k for column k: ``numerators`` over rising powers of the polynomial."""
+    rows, power = [], polynomial
+    while len(rows) < count:
+        rows += [_series(numerator, power) for numerator in numerators]
+        power = product(power, polynomial)
+    return rows[:count]
+
+
+def _series(numerator: int, denominator: int) -> int:
+    degree, series = denominator.bit_length() - 1, 0
+    for k in range(COLUMNS):
+        numerator <<= 1
+        if numerator >> degree & 1:
+            numerator ^= denominator
+            series |= 1 << k
+    return series
+
+
+def express(basis: list[int], row: int) -> int:
+    """Return which rows of a unit upper triangular matrix add up to a row."""
+    selected = 0
+    for k in range(COLUMNS):
+        if row >> k & 1:
+            row ^= basis[k]
+            selected |= 1 << k
+    return selected
+
+
+def fits(rows: list[int]) -> bool:
+    """Return whether the rows are independent in any len(rows) + 1 consecutive columns."""
+    for first in range(COLUMNS - len(rows)):
+        reduced: list[int] = []
+        for row in rows:
+            row = row >> first & ((2 << len(rows)) - 1)
+            for other in reduced:
+                row = min(row, row ^ other)
+            if not row:
+                return False
+            reduced.append(row)
+    return True
+
+
+def initial(rows: list[int], degree: int) -> tuple[int, ...]:
+    """Return m_1, ..., m_s of a matrix."""
+    return tuple(sum((rows[r] >> k & 1) << (k - r) for r in range(k + 1)) for k in range(degree))
+
+
+def pair(p: int, draw: random.Random) -> tuple[DirectionNumbers, DirectionNumbers]:
+    """Return random direction numbers of p and p**2 + p + 1 that make a (1,2)-sequence."""
+    degree, q = p.bit_length() - 1, quadratic(p)
+    while True:
+        numerators = [1 << k | draw.getrandbits(k + 1) >> 1 for k in range(degree - 1, -1, -1)]
+        basis = rows_of(numerators, p, COLUMNS)
+        fitting = _fitting(basis, q, draw)
+        rows = rows_of(fitting, q, COLUMNS - 1) if fitting else []
+        terms = [express(basis, row) for row in rows]
+        if rows and all(fits(terms[:b]) for b in range(2 * degree + 1, COLUMNS)):
+            return DirectionNumbers(p, initial(basis, degree)), DirectionNumbers(q, initial(rows, 2 * degree))
+
+
+def _fitting(basis: list[int], q: int, draw: random.Random) -> list[int]:
+    """Return numerators for which the first rows of q fit, or none after many tries."""
+    count, tries = q.bit_length() - 1, 0
+    monomials = [express(basis, _series(1 << k, q)) for k in range(count)]
+
+    def extend(numerators: list[int], rows: list[int]) -> list[int]:
+        nonlocal tries
+        leading = count - 1 - len(numerators)
+        if leading < 0:
+            return numerators
+        for rest in draw.sample(range(2**leading), min(2**leading, 1000)):
+            tries += 1
+            if tries > TRIES:
+                break
+            numerator = 1 << leading | rest
+            row = 0
+            for k, monomial in enumerate(monomials):
+                row ^= monomial if numerator >> k & 1 else 0
+            if fits([*rows, row]) and (found := extend([*numerators, numerator], [*rows, row])):
+                return found
+        return []
+
+    return extend([], [])
+
+
+def pair_cost(matrices: NDArray[np.uint32], most: float) -> float:
+    """Return the cost of the last pair, or a partial cost that reached ``most``."""
+    last = len(matrices) - 2
+    sets = [tuple(range(last - 2, last + 2))]
+    sets += [(j, k) for j in range(last - 1, -1, -1) for k in (last, last + 1)]
+    total = 0
+    for dims in sets:
+        total += sum(t_value(matrices[list(dims)], m=m) for m in PAIR_SIZES)
+        if total >= most:
+            break
+    return total
+
+
+def pairs() -> Iterator[str]:
+    """Yield the direction numbers, pair after pair."""
+    draw = random.Random(1)
+    numbers = [DirectionNumbers(0b11, (1,))]
+    for p in range(0b101, 2 ** (DEGREES + 1), 2):
+        if not (is_irreducible(p) and is_irreducible(quadratic(p))):
+            continue
+        least, best = np.inf, ()
+        for _ in range(FOUND):
+            found = pair(p, draw)
+            costs = pair_cost(np.asarray(sobol_of([*numbers, *found]).matrices), least)
+            if costs < least:
+                least, best = costs, found
+        numbers += best
+        yield direction_numbers_text(numbers)

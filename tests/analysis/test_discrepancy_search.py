@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 import analysis
 from analysis._searches.box_search import descend, search_boxes
 from analysis._searches.budget import Budget
-from analysis._searches.plane_search import Ranked, random_lattice, section
+from analysis._searches.discrepancy_search import Ranked, random_lattice, section
 from analysis._searches.worst_boxes import WorstBoxes
 
 slow = pytest.mark.slow

@@ -9,7 +9,7 @@ from scipy.stats import qmc
 from tables import few, points_of
 
 from analysis import Filter, design_samples, expected_error, filtered_error
-from analysis._design.integrand_classes import BUMP, CLASSES
+from analysis._design.integrands import BUMP, CLASSES
 from qmcjax import samplers, sequences
 
 

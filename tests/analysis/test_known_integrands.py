@@ -9,7 +9,7 @@ from scipy import stats
 import qmcjax as qj
 from analysis import Filter, design_samples, expected_error, filtered_error
 from analysis._design.design_samples import turn
-from analysis._design.images import Rendered, blur
+from analysis._design.integrands import Rendered, blur
 from qmcjax import samplers, scenes
 from qmcjax.samplers.turned_tiles import stratified
 

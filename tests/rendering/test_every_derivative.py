@@ -13,7 +13,7 @@ from tables import some
 
 import analysis
 import qmcjax as qj
-from analysis._design.images import Rendered, blur
+from analysis._design.integrands import Rendered, blur
 from qmcjax import orders, samplers, scenes, sequences, tracing
 from qmcjax.core import devices
 from qmcjax.core.parameters import moves_an_edge
@@ -136,7 +136,7 @@ RULES = {
     "qmcjax/core/parameters.py": {"edge": (refused, 0.3)},
     "analysis/_host.py": {"min_distance": (analysis.min_distance, CLOUD)},
     "analysis/_design/expected_error.py": {"expected_error": (analysis.expected_error, POINTS[:2, :3])},
-    "analysis/_design/images.py": {"blurred": (of_blurred, CLOUD)},
+    "analysis/_design/integrands.py": {"blurred": (of_blurred, CLOUD)},
     "analysis/_distances/energies.py": {"riesz_energy": (analysis.riesz_energy, CLOUD)},
     "analysis/_l2/l2_discrepancy.py": {"l2_star": (analysis.l2_star_discrepancy, CLOUD)},
     "analysis/_spectra/point_spectrum.py": {

@@ -6,7 +6,7 @@ import numpy as np
 from tables import first
 
 import analysis
-from analysis.tables import SEQUENCES, one_two
+from analysis.tables import SEQUENCES, sobol_components
 from qmcjax import sequences
 
 MATRICES = np.asarray(sequences.one_two(20).matrices)
@@ -42,14 +42,14 @@ def test_polynomials_are_p_and_its_quadratic():
     assert len(set(polynomials)) == 19
     assert polynomials[0] == 0b11
     for p, q in zip(polynomials[1::2], polynomials[2::2], strict=True):
-        assert q == one_two.quadratic(p)
+        assert q == sobol_components.quadratic(p)
 
 
 def test_the_search_finds_pairs():
     """Of the smallest degrees; the search's rows are those of the recurrence."""
     for p in (0b111, 0b100101):
-        found = one_two.pair(p, random.Random(3))
+        found = sobol_components.pair(p, random.Random(3))
         matrices = np.asarray(sequences.sobol_of(found).matrices)[1:]
         assert max(analysis.t_value(matrices, m=m) for m in range(1, 33, 3)) == 1
-    rows = one_two.rows_of([0b1, 0b0], 0b111, 2)
+    rows = sobol_components.rows_of([0b1, 0b0], 0b111, 2)
     assert [row & 7 for row in rows] == [0b110, 0b000]

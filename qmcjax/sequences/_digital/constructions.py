@@ -118,9 +118,9 @@ def one_two(dims: int) -> Digital:
     Notes
     -----
     In Sobol's construction x and x + 1 give the only (0,2)-sequence. The polynomials p and p**2 + p + 1 can
-    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/one_two.py``), for
-    all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They are
-    not those of [1]_.
+    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/sobol_components.py``),
+    for all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They
+    are not those of [1]_.
 
     References
     ----------

@@ -1,7 +1,6 @@
 """Radiance over the shutter with visibility exact in time: closed forms, and means over times."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import jax
@@ -188,14 +187,8 @@ def test_triangles_that_degenerate_and_rays_in_the_plane_of_motion():
 
 SPIN = motion.affine(lambda t: motion.quaternion([0, 0, 1], t))
 TURNING = tracing.world([tracing.sphere([0, 0, 0], 1.0, motion=SPIN)])
-COUNT = "count must be an integer in"
-
 test_wrong_arguments = refused(
     (lambda: over_time(scenes.cornell_box()), TypeError, "scene must be made by"),
-    (lambda: over_time(3), TypeError, "scene must be made by"),
-    (lambda: over_time(samples=0), ValueError, "samples must be an integer in"),
-    (lambda: over_time(samples=1.0), TypeError, "samples must be an integer in"),
-    (lambda: over_time(intervals=257), ValueError, "intervals must be an integer in"),
     (
         lambda: over_time(replace(two(), camera=replace(EYE, motion=SPIN))),
         TypeError,
@@ -203,14 +196,8 @@ test_wrong_arguments = refused(
     ),
     (lambda: over_time(replace(two(), world=TURNING)), TypeError, "motion of object 0 must be linear"),
     (lambda: over_time()(jnp.zeros((2, 4))), ValueError, "point must have shape"),
-    *(
-        (partial(make, visibility=visibility), error, "visibility must be one of")
-        for visibility, error in (("exact", ValueError), (1, TypeError))
-        for make in (scenes.moving_triangles, scenes.cornell_box, scenes.helicopter)
-    ),
-    (lambda: scenes.moving_triangles(0), ValueError, COUNT),
-    (lambda: scenes.moving_triangles(4097), ValueError, COUNT),
-    (lambda: scenes.moving_triangles(2.0), TypeError, COUNT),
+    (lambda: scenes.cornell_box(visibility="exact"), ValueError, "visibility must be one of"),
+    (lambda: scenes.moving_triangles(4097), ValueError, "count must be an integer in"),
 )
 
 
@@ -258,16 +245,6 @@ def check_means(over_time, batches=3, batch=2**15):
 def test_images_have_the_mean_of_sampled_visibility():
     """Triangles and their shadows at the camera's light."""
     check_means(scenes.moving_triangles(visibility="analytic").estimator)
-
-
-@pytest.mark.slow
-def test_rotors_have_the_mean_of_sampled_visibility():
-    """One of both rotors and the ground: the rest only takes time to compile."""
-    over_time = scenes.helicopter(visibility="analytic").estimator
-    objects = over_time.estimator.world.objects
-    few = tracing.world([objects[k] for k in (-2, -1)], over_time.estimator.world.lights)
-    estimator = replace(over_time.estimator, world=few)
-    check_means(replace(over_time, estimator=estimator), batches=1, batch=2**14)
 
 
 @pytest.mark.slow

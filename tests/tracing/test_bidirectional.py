@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from refusals import refused
 from tables import slow_cases
 
 from qmcjax import tracing
@@ -169,18 +168,3 @@ def test_derivatives_that_miss_edges_are_refused():
     assert np.isfinite(jax.jit(jax.grad(value))(0.5, corner))
     with pytest.raises(ValueError, match="moves an edge"):
         jax.jit(jax.grad(value, 1))(0.5, corner)
-
-
-def both_ways(*given, world=tracing.world([]), view=camera(), **more):  # noqa: B008
-    return tracing.bidirectional(world, view, *given, **more)
-
-
-test_bad_input_is_named = refused(
-    (lambda: both_ways(1, world=[]), TypeError, "world must be made by"),
-    (lambda: both_ways(1, view=1), TypeError, "camera must be made by"),
-    (lambda: both_ways(-1), ValueError, "bounces must be"),
-    (lambda: both_ways(1, 65), ValueError, "light_bounces must be"),
-    (lambda: both_ways(1, 0.5), TypeError, "light_bounces must be"),
-    (lambda: both_ways(1, smooth=1), TypeError, "smooth must be"),
-    (lambda: both_ways(1)(jnp.zeros(3)), ValueError, "point must have"),
-)

@@ -13,9 +13,10 @@ from qmcjax import tracing
 from qmcjax.tracing import motion
 from qmcjax.tracing.search import compiled_world, intersection, program
 
-pytestmark = pytest.mark.usefixtures("least_optimized")
-
-pytestmark = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+pytestmark = [
+    pytest.mark.usefixtures("least_optimized"),
+    pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed"),
+]
 WAY = compiled_world.search
 
 FLAT = motion.affine(np.diag([1, 2, 0.5]), [0, 0, 1.0])
@@ -110,13 +111,12 @@ ONE_OF_EACH = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ONE_OF_EACH)
 def test_each_kind_alone(name):
-    """What is hit is the same, and so are distances; also in a space that moves."""
+    """In a space that moves: what is hit is the same, and so are distances."""
     rays = given(4000, "float32")
-    for motion_ in (None, SPIN):
-        world = tracing.world([tracing.group([ONE_OF_EACH[name]], motion=motion_)])
-        found, wanted = searched(world, *rays, False, WAY), looped(world, *rays)
-        same(found, wanted)
-        assert 0.01 < np.mean(np.asarray(found[1]) >= 0) < 0.9
+    world = tracing.world([tracing.group([ONE_OF_EACH[name]], motion=SPIN)])
+    found, wanted = searched(world, *rays, False, WAY), looped(world, *rays)
+    same(found, wanted)
+    assert 0.01 < np.mean(np.asarray(found[1]) >= 0) < 0.9
 
 
 def test_the_way_is_chosen_by_count():
@@ -167,3 +167,52 @@ def test_trees_are_taken_over_only_by_the_same_numbers():
     hit = np.asarray(first[1]) >= 0
     assert hit.sum() > 50 and np.all(np.asarray(far[0])[hit] < np.asarray(first[0])[hit])
     assert np.all(np.asarray(none[1]) == -1)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_lanes_are_numbers_side_by_side(dtype):
+    """Operators with lanes and scalars, conditions, and what is chosen where one of two is NaN."""
+    from qmcjax.tracing.search import lanes
+
+    numba = pytest.importorskip("numba")
+
+    @numba.njit(error_model="numpy")
+    def computed(given, factor, out):
+        a, b = lanes.load(given, 0), lanes.load(given, 1)
+        lanes.store(out, 0, (a + b) * factor - a / b)
+        lanes.store(out, 1, lanes.larger(a, b))
+        lanes.store(out, 2, lanes.smaller(a, b))
+        lanes.store(out, 3, lanes.larger(factor, a))
+        here = ((a > b) | (b >= 1)) & (a != 0)
+        return lanes.bits(here), lanes.bits((a < b) & (a <= factor)), lanes.larger(factor, 2 * factor)
+
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        given, out = rng.normal(size=(2, lanes.WIDTH)).astype(dtype), np.empty((4, lanes.WIDTH), dtype)
+        given[rng.integers(2), rng.integers(8)] = np.nan
+        given[0, rng.integers(8)] = 0
+        (a, b), factor = given, np.dtype(dtype).type(0.5)
+        first, second, both = computed(given, factor, out)
+        wanted = [
+            (a + b) * factor - a / b,
+            np.where(b > a, b, a),
+            np.where(b < a, b, a),
+            np.where(a > factor, a, factor),
+        ]
+        np.testing.assert_array_equal(out, np.stack(wanted))
+        places = 2 ** np.arange(8)
+        assert first == places[((a > b) | (b >= 1)) & (a != 0)].sum()
+        assert second == places[(a < b) & (a <= factor)].sum()
+        assert both == 1
+
+
+def test_bits_are_visited_from_the_lowest_one_on():
+    from qmcjax.tracing.search.lanes import lowest
+
+    numba = pytest.importorskip("numba")
+
+    @numba.njit
+    def place(number):
+        return lowest(number)
+
+    assert [place(number) for number in (1, 2, 12, 128)] == [0, 1, 2, 7]

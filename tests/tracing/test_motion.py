@@ -5,7 +5,6 @@ from itertools import pairwise, product
 
 import jax
 import jax.numpy as jnp
-import mpmath
 import numpy as np
 import pytest
 from refusals import refused
@@ -111,20 +110,6 @@ def test_arc_length_of_a_circle():
     assert 0.99 * sagitta < error.max() < path.bound < 1.2 * sagitta
 
 
-@pytest.mark.parametrize("segments", [7, *slow(64, 1000)])
-def test_arc_length_has_constant_speed_within_its_bound(segments):
-    """Against a polyline with very many points of a curve, its corner among them."""
-    path = CORNER.by_arc_length(segments)
-    fine = in_float64(CORNER, np.linspace(0, 6, 6 * 2**17 + 1))
-    lengths = np.append(0, np.cumsum(np.linalg.norm(np.diff(fine, axis=0), axis=1)))
-    assert abs(path.length - lengths[-1]) < 1e-10
-    part = np.linspace(0, 1, 5001)
-    exact = np.stack([np.interp(part * lengths[-1], lengths, fine[:, j]) for j in range(2)], axis=1)
-    error = np.linalg.norm(in_float64(path, part) - exact, axis=1).max()
-    assert error < path.bound
-    assert path.bound < 0.5 * path.length / segments + 1e-12  # Half an arc, where a corner is cut off.
-
-
 def wild(key):
     """Return a curve with weights over 12 orders of magnitude, some of them 0, and all kinds of knots."""
     rng = np.random.default_rng([29, key])
@@ -149,7 +134,7 @@ def inscribed(curve, count):
     return points, np.append(0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
-@pytest.mark.parametrize("keys", [range(40), *slow(range(40, 500))])
+@pytest.mark.parametrize("keys", [range(40), *slow(range(40, 200))])
 def test_arc_lengths_are_bounded_whatever_the_weights(keys):
     """Polylines between points of a curve are shorter, but not by much."""
     for key in keys:
@@ -204,7 +189,7 @@ def bezier(key):
     return motion.nurbs(control, weights, [0] * (degree + 1) + [1] * (degree + 1), degree)
 
 
-@pytest.mark.parametrize("keys", [range(40), *slow(range(40, 500))])
+@pytest.mark.parametrize("keys", [range(40), *slow(range(40, 200))])
 def test_arc_lengths_are_integrals_of_speed(keys):
     for key in keys:
         curve = bezier(key)
@@ -212,27 +197,6 @@ def test_arc_lengths_are_integrals_of_speed(keys):
         assert abs(path.length / integrated(curve.control, curve.weights) - 1) < 1e-13, key
         chords = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
         assert chords.max() * len(chords) <= path.length * (1 + 1e-12), key
-
-
-@pytest.mark.slow
-def test_arc_lengths_against_mpmath():
-    """In forty digits, of the highest degree."""
-    curve = bezier(3)
-    with mpmath.workdps(40):
-        control, weights = (
-            np.vectorize(mpmath.mpf, otypes=[object])(a) for a in (curve.control, curve.weights)
-        )
-        degree, k = curve.degree, np.arange(curve.degree + 1)
-
-        def speed(x):
-            t, rest = 1 / (1 + mpmath.exp(-x)), 1 / (1 + mpmath.exp(x))
-            basis = np.array([mpmath.binomial(degree, j) * t**j * rest ** (degree - j) for j in k]) * weights
-            turns = basis * (k * rest - (degree - k) * t)
-            velocity = (turns @ control * basis.sum() - turns.sum() * (basis @ control)) / basis.sum() ** 2
-            return mpmath.sqrt(velocity @ velocity)
-
-        exact = mpmath.quad(speed, range(-75, 76, 3), maxdegree=6)
-    assert abs(curve.by_arc_length(7).length / exact - 1) < 1e-14
 
 
 def test_linear_segments_touch_the_floor_only_with_ends_at_the_jumps():

@@ -214,30 +214,22 @@ def irradiance(point=(0.0, 0, 0), normal=UP, time=0.5, radius=1.0, window=0.5):
     return photons().irradiance(point, normal, time, radius, window)
 
 
-DARK = "world must have a point, sphere or rectangle light"
 test_wrong_arguments = refused(
-    (lambda: photons(world=4), TypeError, "world must be made by"),
-    (lambda: tracing.photon_needs(None), TypeError, "world must be made by"),
-    (lambda: photons(bounces=0.5), TypeError, "bounces must be an integer"),
     (lambda: tracing.photon_needs(SHADOWED, 65), ValueError, "bounces must be an integer"),
-    (lambda: tracing.photon_needs(tracing.world([])), ValueError, DARK),
-    (lambda: photons(world=tracing.world([], [tracing.environment(1.0)])), ValueError, DARK),
-    (lambda: photons(np.zeros((4, 3), int)), TypeError, "points must be"),
-    (lambda: photons("many"), TypeError, "points must be"),
+    (
+        lambda: photons(world=tracing.world([], [tracing.environment(1.0)])),
+        ValueError,
+        "world must have a point, sphere or rectangle light",
+    ),
     (lambda: photons(np.zeros((4, 3), np.float16)), TypeError, "points must be"),
     (lambda: photons(GIVEN[:, :2]), ValueError, "points must have shape"),
     (lambda: photons(GIVEN[:0]), ValueError, "points must have shape"),
     (lambda: photons(GIVEN + 1), ValueError, r"points must be in \[0, 1\)"),
-    (lambda: photons(GIVEN * np.nan), ValueError, r"points must be in \[0, 1\)"),
-    (lambda: photons(intervals=0), ValueError, "intervals must be an integer"),
     (lambda: photons(shutter=(0.5, 0.5)), ValueError, "shutter must be"),
-    (lambda: photons(shutter=(0.5, 1.5)), ValueError, "shutter must be"),
     (lambda: irradiance([0.0]), ValueError, "point must have shape"),
-    (lambda: irradiance(normal="up"), TypeError, "normal must be"),
     (lambda: irradiance(normal=[0, np.nan, 0]), ValueError, "normal must be finite"),
     (lambda: irradiance(np.zeros((2, 3)), time=np.zeros(3)), ValueError, "shapes of point"),
     (lambda: irradiance(time=1.5), ValueError, r"time must be in \[0, 1\]"),
     (lambda: irradiance(radius=0.0), ValueError, "radius must be positive"),
     (lambda: irradiance(window=2.0), ValueError, "window must be in"),
-    (lambda: irradiance(radius=None), TypeError, "radius must be"),
 )

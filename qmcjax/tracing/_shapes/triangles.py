@@ -72,13 +72,17 @@ def build_tree(vertices: Any, close: Any = None) -> Tree:
     """
     middle = vertices if close is None else 0.5 * (np.asarray(vertices) + np.asarray(close))
     corners = np.asarray(middle, np.float64)
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    count = len(corners)
+    return build_box_tree(corners.min(axis=1), corners.max(axis=1), LEAF)
+
+
+def build_box_tree(low: NDArray, high: NDArray, most: int) -> Tree:
+    """Return the tree of boxes, (n, 3), with up to ``most`` in a leaf, and at least half as many."""
+    count = len(low)
     order = np.arange(count)
     start, stop, parent = np.zeros(1, np.int64), np.full(1, count), np.full(1, -1)
     levels: list[tuple[NDArray, NDArray, NDArray]] = []  # starts, parents in the level above, whether split
     while len(start):
-        split, side = _sides(low[order], high[order], start, stop, len(levels) >= _DEEP)
+        split, side = _sides(low[order], high[order], start, stop, len(levels) >= _DEEP, most)
         levels.append((start, parent, split))
         start, stop = start[split], stop[split]
         # A stable sort by node and side; triangles of leaves stay.
@@ -101,11 +105,12 @@ def _runs(start: NDArray, stop: NDArray) -> NDArray:
 
 
 def _sides(
-    low: NDArray, high: NDArray, start: NDArray, stop: NDArray, halved: bool
+    low: NDArray, high: NDArray, start: NDArray, stop: NDArray, halved: bool, most: int
 ) -> tuple[NDArray, NDArray]:
     """Return which nodes are split, and which of their triangles go to the second child."""
     length = stop - start
-    split = length >= 4  # At least two on each side.
+    fewest = max(most // 2, 1)
+    split = length >= 2 * fewest
     rows = _runs(start[split], stop[split])
     length = length[split]
     if not len(rows):
@@ -120,7 +125,7 @@ def _sides(
     boxes = np.concatenate([low.T, -high.T])
     cost, axis, plane = np.full(len(length), np.inf), np.zeros(len(length), int), np.zeros(len(length), int)
     for j in range(3):
-        costs = _costs(boxes, node, place[:, j], len(length))
+        costs = _costs(boxes, node, place[:, j], len(length), fewest)
         best = costs.argmin(axis=0)
         here = np.take_along_axis(costs, best[None], 0)[0]
         better = here < cost
@@ -132,13 +137,13 @@ def _sides(
     of_some = node[some]
     ranked = some[np.lexsort((center[some, extent.argmax(axis=1)[of_some]], of_some))]
     side[ranked] = some - first[of_some] >= length[of_some] // 2
-    worth = (length > LEAF) | (_STEP * whole + cost < length * whole)
+    worth = (length > most) | (_STEP * whole + cost < length * whole)
     split[split] = worth
     return split, side[worth[node]]
 
 
-def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int) -> NDArray:
-    """Return area times triangles behind each plane of all nodes; infinite if a side has fewer than two.
+def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int, fewest: int) -> NDArray:
+    """Return area times boxes behind each plane of all nodes; infinite if a side has too few.
 
     The bin is the first axis: numbers of one bin of all nodes are contiguous.
     """
@@ -154,7 +159,7 @@ def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int) -> NDArray
         for plane, some, count in zip(planes, np.moveaxis(least, 1, 0)[::step], counts[::step], strict=False):
             np.minimum(box, some, out=box)
             behind += count
-            plane += np.where(behind >= 2, behind * _area(box), np.inf)
+            plane += np.where(behind >= fewest, behind * _area(box), np.inf)
     return total
 
 
@@ -177,7 +182,8 @@ def _depth_first(order: NDArray, levels: list[tuple[NDArray, NDArray, NDArray]])
         below.insert(0, own)
         size = own
     count, used = len(order), int(below[0][0])
-    skip, start = np.full(count, used, np.int32), np.full(count, count, np.int32)
+    room = max(count, used + 1)
+    skip, start = np.full(room, used, np.int32), np.full(room, count, np.int32)
     number = np.zeros(1, np.int64)
     for (starts, parent, _), sizes in zip(levels, below, strict=True):
         if parent[0] >= 0:

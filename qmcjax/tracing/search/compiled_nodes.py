@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from qmcjax.tracing._shapes.triangles import half_area
+from qmcjax.tracing.search import compiled_tests as tests
 from qmcjax.tracing.search.compiled_triangles import BLOCK
 from qmcjax.tracing.search.lanes import WIDTH, compiled
 
@@ -47,6 +48,15 @@ class World(NamedTuple):
     """For each tree its root, and whether it is a mesh and moves."""
     slacks: Any
     """For each tree the slack of its boxes."""
+
+
+class Primitives(NamedTuple):
+    """Primitives without a tree of their own."""
+
+    given: Any
+    """For each 9 numbers, 9 for the end of the shutter, and 6 of its box."""
+    kinds: Any
+    numbers: Any
 
 
 class BinaryTree(NamedTuple):
@@ -238,3 +248,31 @@ def _boxes(vertices, order, skip, start):
                     low, high = min(low, value), max(high, value)
             box[j], box[3 + j] = low, high
     return boxes
+
+
+@compiled()
+def insert_primitives(primitives, run, tree, unit, first, node, world):
+    """Insert primitives in rows from a given one on, and a tree over the first of them in nodes.
+
+    ``run`` has those with finite boxes in the order of the tree, then the others. Returns the largest
+    absolute coordinate of the boxes, and the next free node. The root is the first node.
+    """
+    given, kinds, numbers = primitives
+    skip, start = tree
+    count = start[skip[0]]
+    size = given.dtype.type(0)
+    if count > 0:
+        bounds = given[:, 18:][run[:count]]
+        corners = np.concatenate((bounds, bounds[:, :3]), axis=1)
+        boxes = _boxes(corners, np.arange(count), skip, start)
+        runs, still = np.empty((count, 2), np.int64), np.empty((0, 6), given.dtype)
+        _, node = collapse_to_wide(BinaryTree(boxes, still, skip, start), 1, first, 1, node, world, runs)
+        run[:count] = run[:count][runs[:, 0]]
+        size = np.abs(boxes[0]).max()
+    for k in range(len(run)):
+        m, row = run[k], first + k
+        tests.fill(world.rows, row, kinds[m], given, m, unit)
+        world.codes[row], world.numbers[row] = kinds[m], numbers[m]
+        if kinds[m] == tests.MOVING:
+            world.ends[row, :9] = given[m, 9:18]
+    return size, node

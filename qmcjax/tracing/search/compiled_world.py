@@ -5,7 +5,7 @@ device: that waits for a thread, and deadlocks if all threads run programs that 
 JAX 0.10 on one core, and where devices share a program).
 
 A call builds the trees: those of meshes get boxes for the current vertices, and primitives without a tree get
-one, in less time than a hundred rays per primitive take. The next call reuses them if it gets the same
+one. The next call reuses them if it gets the same
 numbers. Rays are searched in pieces, by threads as they become free. OpenMP threads, Numba's default, get
 equal parts: on a processor with other load all wait for the slowest in a busy loop, eight times as long as
 one thread takes.
@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from qmcjax.tracing._shapes.object import Frame
 from qmcjax.tracing._shapes.primitives import Box, Cylinder, Disc, Plane, Rectangle, Sphere
 from qmcjax.tracing._shapes.shape_batches import SLACK, Shape
-from qmcjax.tracing._shapes.triangles import Triangles
+from qmcjax.tracing._shapes.triangles import Triangles, build_box_tree
 from qmcjax.tracing._shapes.vectors import Vector
 from qmcjax.tracing._world.world import World, merge_kinds
 
@@ -232,7 +232,6 @@ def _build(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
     """Return the ``World`` of compiled loops."""
     from qmcjax.tracing.search import compiled_nodes as wide
     from qmcjax.tracing.search.compiled_tests import MOVING, TRIANGLE, WIDTH
-    from qmcjax.tracing.search.compiled_tree import Primitives, build_primitive_tree
 
     given, meshes = shapes
     moves = [len(ends) == 2 for ends, _ in meshes]
@@ -262,9 +261,10 @@ def _build(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
     for place, members in enumerate(plan.members):
         begin, tree, stop = first, len(roots), first + len(members)
         if len(members):
-            primitives = Primitives(np.ascontiguousarray(given[0]), plan.kinds, plan.numbers)
+            primitives = wide.Primitives(np.ascontiguousarray(given[0]), plan.kinds, plan.numbers)
+            run, inside, parts = _primitive_tree(primitives.given[:, 18:], members)
             root = node
-            inside, largest, node = build_primitive_tree(primitives, members, unit, first, node, world)
+            largest, node = wide.insert_primitives(primitives, run, parts, unit, first, node, world)
             if inside:
                 roots.append((wide.NODE * root, 0, 0))
                 sizes.append(unit * 2 * largest)
@@ -286,3 +286,14 @@ def _build(plan: _Plan, shapes: Any, number: np.dtype, unit: Any) -> Any:
         spaces[place] = plan.frames[place], begin, stop, tree, len(roots), triangles
     world.trees[: len(roots)], world.slacks[: len(sizes)] = np.reshape(roots, (-1, 3)), sizes
     return world
+
+
+def _primitive_tree(bounds: NDArray, members: NDArray) -> tuple[NDArray, int, tuple[NDArray, NDArray]]:
+    """Return primitives in the order of a tree over those with finite boxes, their number, and the tree."""
+    finite = np.isfinite(bounds[members]).all(axis=1)
+    inside, outside = members[finite], members[~finite]
+    if not len(inside):
+        return outside, 0, (np.zeros(1, np.int32), np.zeros(1, np.int32))
+    boxes = np.asarray(bounds[inside], np.float64)
+    tree = build_box_tree(boxes[:, :3], boxes[:, 3:], 1)
+    return np.concatenate([inside[tree.order], outside]), len(inside), (tree.skip, tree.start)

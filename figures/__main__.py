@@ -24,10 +24,9 @@ from figures.making.updating import plan, update, warn
 from qmcjax.core import packages
 
 COMMANDS = {
-    "compare": "figures.arena",
+    "compare": "figures.comparing.command",
     "export": "figures.commands.export",
     "keep": "figures.commands.keep",
-    "suite": "figures.suite.command",
 }
 """Commands beside the figures, by the modules whose ``main`` they are.
 

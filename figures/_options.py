@@ -42,8 +42,7 @@ examples:
   qmcjax thesis-6.1 --quality paper     one figure as printed
   qmcjax --out gallery --jobs 4         four at a time, into gallery/
   qmcjax --distributed --out gallery    on all machines of a SLURM job, say
-  qmcjax compare --help                 your own sampler against those of the papers
-  qmcjax suite --help                   the benchmark of samplers, ours and others
+  qmcjax compare --help                 samplers compared: yours, ours, and those of others
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the

@@ -8,7 +8,7 @@ from typing import Any
 
 from figures._options import command
 from figures.making import store
-from figures.shared.imported_objects import imported
+from figures.shared.imported_objects import import_object
 from qmcjax.bridges import source
 
 LANGUAGES = {
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     size = {"width": given.width, "height": given.height, "spp": given.spp}
     tables = given.out.with_name(f"{given.out.name}.tables")
     try:
-        value = _made(imported(given.object), given.object, {**size, "key": given.key})
+        value = _made(import_object(given.object), given.object, {**size, "key": given.key})
         text = source(value, given.dims, language, given.name, **size)
         given.out.parent.mkdir(parents=True, exist_ok=True)
         if text.tables.size:

@@ -76,7 +76,7 @@ class SamplerSizes(SphinxDirective):
 
 
 class StoredScores(SphinxDirective):
-    """Scores of a stored run of the suite, with samplers of other projects."""
+    """Scores of a stored comparison, with samplers of other projects."""
 
     def run(self) -> list[nodes.Node]:
         """Return one table."""

@@ -25,7 +25,7 @@ FILE = Path(__file__).with_name("measured.json")
 """Numbers of figures in paper quality that are kept with the project: what the verdicts are computed from."""
 
 SUITE = FILE.with_name("suite.json")
-"""``scores.json`` of a run of ``qmcjax suite`` in paper quality."""
+"""``scores.json`` of a comparison on all integrands and scenes, of 64 x 64 pixels."""
 
 PARTS = ("measured", "printed", "claims")
 """What is kept of them."""

@@ -83,7 +83,15 @@ SAMPLERS: dict[str, Style] = {
 }
 """In the order of legends. One colour may stand for a family, colour and marker together for one sampler."""
 
-OWN = (Style("#8A2BE2", "*"), Style("#A0522D", "P"), Style("#2F4F4F", "X"))
+OWN = tuple(
+    Style(f"#{color}", marker, line)
+    for line, colors in {
+        "-": "8A2BE2 A0522D 2F4F4F",
+        "--": "8C564B E377C2 7F7F7F BCBD22 17BECF 1F3A93",
+        ":": "F58231 2E8B57 9A6324 808000 911EB4 469990",
+    }.items()
+    for color, marker in zip(colors.split(), "*PXovD", strict=False)
+)
 """Of samplers that are not in the table."""
 
 _SAME = {

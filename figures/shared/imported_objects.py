@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 
-def imported(text: str) -> Any:
+def import_object(text: str) -> Any:
     """Return the object named ``module:name``; the module is looked for in the current folder, too.
 
     Raises ValueError, ImportError or AttributeError if the name has another form, or there is no such module
@@ -17,15 +17,15 @@ def imported(text: str) -> Any:
         raise ValueError(f"objects are named module:name, got {text!r}")
     folder = str(Path.cwd())
     if "" in sys.path or folder in sys.path:
-        found = importlib.import_module(module)
+        of = importlib.import_module(module)
     else:
         importlib.import_module("analysis")  # From now on no file of the user can hide it.
         sys.path.insert(0, folder)
         try:
-            found = importlib.import_module(module)
+            of = importlib.import_module(module)
         finally:
             sys.path.remove(folder)
             sys.path.append(folder)
-    if not hasattr(found, name):
-        raise AttributeError(f"{module} has no {name!r}; it is {getattr(found, '__file__', 'built in')}")
-    return getattr(found, name)
+    if not hasattr(of, name):
+        raise AttributeError(f"{module} has no {name!r}; it is {getattr(of, '__file__', 'built in')}")
+    return getattr(of, name)

@@ -1,6 +1,6 @@
 """What a sampler can be compared with, by short names for the command line."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from qmcjax import samplers, scenes, sequences
@@ -52,29 +52,3 @@ CLOSED: dict[str, Callable[[], Any]] = {
     "soft-shadow": scenes.soft_shadow,
 }
 """Scenes with a reference at any size, in closed form."""
-
-SCENES = CLOSED | {
-    "cornell-box": scenes.cornell_box,
-    "helicopter": scenes.helicopter,
-    "occluder": scenes.occluder,
-    "defocus": scenes.defocus,
-    "sports": scenes.sports,
-}
-
-
-def rotated(points: Any) -> Callable[[int], samplers.Sampler]:
-    """Return key -> the sampler that has these points in every pixel, rotated at random."""
-    sequence = sequences.tabulated(points)
-    return lambda key: samplers.independent(sequence, key, "shift")
-
-
-def rivals(names: Iterable[str], dims: int) -> dict[str, Maker]:
-    """Return makers of samplers with as many dimensions, by their names in plots."""
-    return {RIVALS[name].name: _of(RIVALS[name].make, dims) for name in names}
-
-
-def _of(make: Maker, dims: int) -> Maker:
-    def maker(width: int, height: int, spp: int, key: int) -> samplers.Sampler:
-        return make(dims, width, height, spp, key)
-
-    return maker

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from figures.shared.imported_objects import imported
+from figures.shared.imported_objects import import_object
 from qmcjax.core import packages
 
 ROOT = Path(__file__).parents[2]
@@ -100,5 +100,5 @@ def test_objects_say_which_file_they_are_not_in(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [each for each in sys.path if each and Path(each) != tmp_path])
     with pytest.raises(AttributeError, match=f"of_the_user has no 'mine'; it is {tmp_path}/of_the_user.py"):
-        imported("of_the_user:mine")
+        import_object("of_the_user:mine")
     assert sys.path[-1] == str(tmp_path)

@@ -13,12 +13,12 @@ ROOT = Path(__file__).parents[2]
 
 # fmt: off
 NOT_HANDED_ON = {
-    "analysis.tables": "programs", "figures": "rooms of figures", "figures.arena": "for the command line",
+    "analysis.tables": "programs", "figures": "rooms of figures", "figures.comparing": "for the command line",
     "figures.playground": "for the page",
     "figures.commands": "for the command line", "figures.docs": "this",
     "figures.hilbert": "a module a figure", "figures.making": "for the command line",
     "figures.ours": "a module a figure", "figures.page": "for the command line",
-    "figures.shared": "for figures, and its rooms", "figures.suite": "for the command line",
+    "figures.shared": "for figures, and its rooms",
     "figures.thesis": "a module a figure", "figures.z": "a module a figure",
     "qmcjax.choosing": "handed on by qmcjax", "qmcjax.core": "of no use outside",
     "qmcjax.integration": "handed on by qmcjax", "qmcjax.rendering": "handed on by qmcjax",

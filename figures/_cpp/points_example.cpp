@@ -1,6 +1,6 @@
-// A program that takes part in the suite: Roberts' sequence, with a random shift in each pixel.
+// A program that takes part in a comparison: Roberts' sequence, with a random shift in each pixel.
 //
-//     g++ -O2 suite_example.cpp -o mine && qmcjax suite --program "./mine {width} {height} {spp} {dims} {seed}"
+//     g++ -O2 points_example.cpp -o mine && qmcjax compare --program "./mine {width} {height} {spp} {dims} {seed}"
 
 #include <cmath>
 #include <cstdint>

@@ -1,0 +1,1 @@
+"""Samplers and sequences compared, ``qmcjax compare``; the documentation has its protocol."""

@@ -1,0 +1,197 @@
+"""The command line of comparisons."""
+
+import argparse
+import sys
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import count as count_from
+from pathlib import Path
+
+from tqdm import tqdm
+
+import analysis
+from figures._options import command, count
+from figures.comparing import mitsuba, report, samplers
+from figures.comparing.entries import Entry, NotSupportedError, available, of_program
+from figures.comparing.measuring import Run
+from figures.comparing.scores import BASE
+from figures.comparing.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size, reference
+from figures.making import store, web_images
+from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.shared.rivals import RIVALS
+
+AGAINST = ("owen", "dither", "z", "hilbert")
+WITH_MITSUBA = ("mitsuba-independent", "mitsuba-multijitter", "owen", "z", "hilbert")
+"""Compared with entries if no others are named."""
+
+WHERE = ("checkerboard", "disc", "soft-shadow", "ball")
+"""Scenes if nothing else is named."""
+
+ALL = "all"
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Compare entries, and write table, scores, summaries and page.
+
+    The exit status is 1 if an entry failed or breaks a promise, and 130 after Ctrl-C.
+    """
+    argv = sys.argv[1:] if argv is None else argv
+    parser = _parser()
+    given = parser.parse_args(argv)
+    try:
+        run = _plan(argv, given)
+        store.prepare(given.out)
+    except (OSError, ValueError, TypeError, ImportError, AttributeError) as error:
+        parser.error(str(error))
+    try:
+        with tqdm(total=run.steps(), disable=None) as bar:
+            run.measure(given.out, bar.update)
+            for path in given.mitsuba:
+                mitsuba.render(run, path, given.out)
+                bar.update()
+    except KeyboardInterrupt:
+        print(f"interrupted: the same command goes on with what is in {given.out}", file=sys.stderr)
+        return 130
+    page = report.write(run, given.out)
+    broken = {name: sentences for name, sentences in run.promises.items() if sentences}
+    for name, sentences in broken.items():
+        text = "\n  ".join([f"{name} breaks {len(sentences)} of a sampler's promises:", *sentences])
+        print(text, file=sys.stderr)
+    for name, why in run.failed.items():
+        print(f"{name}: {why}", file=sys.stderr)
+    print(page)
+    return 1 if broken or run.failed else 0
+
+
+def _plan(argv: Sequence[str], given: argparse.Namespace) -> Run:
+    """Return what is to be measured, or raise an error of wrong usage."""
+    ground = _ground(given)
+    focus = [*map(samplers.parse, given.entries), *map(of_program, given.program)]
+    others = given.against or (WITH_MITSUBA if given.mitsuba else AGAINST)
+    all_of_them = (samplers.parse(BASE), *focus, *map(samplers.parse, others))
+    entries = _different_names({entry.text: entry for entry in all_of_them}.values())
+    in_focus = [entry.name for entry in entries if entry.text in {each.text for each in focus}]
+    size = Size(given.size, tuple(given.spp), given.keys)
+    promises = {e.name: _broken(e, size, ground) for e in entries if e.make and e.name in in_focus}
+    run = Run(
+        " ".join(["qmcjax compare", *argv]),
+        size,
+        ground,
+        given.mitsuba,
+        {e.name: e for e in entries},
+        in_focus,
+        promises,
+    )
+    run.references |= {name: reference(name, given.size, given.size) for name in ground.scenes}
+    return run
+
+
+def _ground(given: argparse.Namespace) -> Ground:
+    names = given.scenes or (WHERE if given.integrands is None and not given.mitsuba else ())
+    scenes = SCORED if ALL in names else tuple(dict.fromkeys(names))
+    for name in scenes:
+        if SCENES[name][0] == TRACED and REFERENCE % given.size:
+            raise ValueError(f"--size must divide {REFERENCE} for the reference of {name}, got {given.size}")
+    if given.mitsuba and not mitsuba_scenes.installed():
+        raise ValueError("--mitsuba needs Mitsuba 3: pip install 'qmcjax[mitsuba]'")
+    for path in given.mitsuba:
+        if not path.is_file():
+            raise ValueError(f"--mitsuba must name files, got {str(path)!r}")
+    slugs = [web_images.slug(each) for each in (*scenes, *(path.stem for path in given.mitsuba))]
+    if len(set(slugs)) < len(slugs):
+        files = ", ".join(map(str, given.mitsuba))
+        raise ValueError(f"--mitsuba must name files of different names, got {files}")
+    return Ground(scenes, given.integrands is not None, given.integrands or 0)
+
+
+def _different_names(entries: Iterable[Entry]) -> list[Entry]:
+    """Return entries with names that have files of their own on any system; only the user's change."""
+    entries = list(entries)
+    files, renamed = {entry.text for entry in entries if entry.text == entry.name}, []
+    for entry in entries:
+        names = (f"{entry.name} {k}" if k > 1 else entry.name for k in count_from(1))
+        name = (
+            entry.name
+            if entry.text == entry.name
+            else next(n for n in names if web_images.slug(n) not in files)
+        )
+        files.add(web_images.slug(name))
+        renamed.append(replace(entry, name=name))
+    return renamed
+
+
+def _broken(entry: Entry, size: Size, ground: Ground) -> list[str]:
+    """Return the promises that the samplers of an entry break."""
+    side, spp = size.side, size.spps[-1]
+    try:
+        sampler = samplers.attempt(entry.make, side, side, spp, min(ground.dims(), default=DIMS[0]), 0)
+    except NotSupportedError as error:
+        return [f"it cannot be made for {spp} samples: {error}"]
+    return analysis.broken_promises(sampler, side, side, spp)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = command(
+        "compare",
+        "Compare samplers and sequences, yours and those of others: one page, one CSV file, one table.",
+        f"""\
+An entry is module:name, a sampler, a sequence, or a function that makes one from those of
+{", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for
+in the current folder, too. Or a file of points (.npy, text), in every pixel with a random rotation; or a
+name. A program writes its points to standard output: see figures/comparing/entries.py for the protocol.
+
+of the library: {", ".join(RIVALS)}
+of others here: {", ".join(available())}
+scenes: {", ".join(SCENES)}
+
+An interrupted run goes on where it was: what is finished stays in the output folder.
+
+examples:
+  qmcjax compare my_module:mine --against owen z hilbert --spp 1,4,16,64
+  qmcjax compare points.npy --against owen scipy-sobol --scenes all --integrands --size 64 --keys 16
+  qmcjax compare my_module:mine --mitsuba scene.xml --against owen z mitsuba-independent
+""",
+    )
+    add = parser.add_argument
+    add("entries", nargs="*", metavar="ENTRY", help="what is compared with the others")
+    add("--program", action="append", default=[], metavar="COMMAND", help="an entry that is a program")
+    default = f"the others, beside random (default: {' '.join(AGAINST)})"
+    add("--against", nargs="+", metavar="ENTRY", help=default)
+    where = f"(default, but with --integrands and --mitsuba: {' '.join(WHERE)})"
+    add("--scenes", nargs="+", choices=[*SCENES, ALL], metavar="NAME", help=where)
+    add(
+        "--integrands",
+        nargs="?",
+        const=0,
+        type=_seed,
+        metavar="SEED",
+        help="integrands of five classes in 2, 4 and 8 dimensions; with a seed others than the public ones",
+    )
+    add("--mitsuba", nargs="+", type=Path, default=[], metavar="FILE", help="scenes of Mitsuba 3 in XML")
+    add("--spp", type=_counts, default=[1, 4, 16, 64], metavar="N,N,...", help="samples per pixel")
+    add("--size", type=_size, default=128, metavar="N", help="side of images (default: 128)")
+    add("--keys", type=count, default=8, metavar="N", help="images of each (default: 8)")
+    folder = Path("out/compare")
+    add("--out", type=Path, default=folder, metavar="DIR", help=f"folder (default: {folder})")
+    return parser
+
+
+def _seed(text: str) -> int:
+    value = int(text) if text.isdecimal() else 0
+    if not 1 <= value < 2**32:
+        raise argparse.ArgumentTypeError(f"must be an integer in [1, 2**32), got {text!r}")
+    return value
+
+
+def _size(text: str) -> int:
+    value = count(text)
+    if value < 32:
+        raise argparse.ArgumentTypeError(f"must be at least 32, got {text!r}")
+    return value
+
+
+def _counts(text: str) -> list[int]:
+    counts = [count(part) for part in text.split(",")]
+    if sorted(set(counts)) != counts:
+        raise argparse.ArgumentTypeError(f"must be ascending numbers, got {text!r}")
+    return counts

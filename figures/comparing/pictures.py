@@ -1,0 +1,113 @@
+"""Pictures of the page: errors over those of random samples, and spectra of errors."""
+
+import io
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from analysis import ComparisonRow
+from figures import plot
+from figures.comparing.scores import BASE, MEASURES, Ratios, Score, class_means, families
+from figures.comparing.tasks import SCENE_CLASSES
+from figures.shared.rivals import RIVALS
+
+DRAWN = ("rms", "filtered")
+"""Measures, a panel each."""
+
+MOST = 2
+"""Names of entries that a title has."""
+
+DPI = 100
+"""Spectra are as wide as the page, in pixels."""
+
+Curves = dict[str, dict[int, Score]]
+"""By entry and number of samples; of an entry without a measure, none."""
+
+
+def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[str, Curves]]:
+    """Return the scores of each number of samples, by family of tasks or scene, and by measure."""
+    by_place: dict[str, dict[str, Curves]] = {}
+    for spp in spps:
+        at = {
+            name: {key: ratio for key, ratio in of.items() if key[0].spp == key[0].samples == spp}
+            for name, of in ratios.items()
+        }
+        classes = {name: class_means(of, [spp]) for name, of in at.items()}
+        for name in [name for name in at if name != BASE]:
+            for measure in DRAWN:
+                scores = families(classes[name], classes[BASE], measure)
+                for (task, of_task), ratio in at[name].items():
+                    if of_task == measure and task.of in SCENE_CLASSES:
+                        scores[task.name] = Score.of(ratio)
+                for place, score in scores.items():
+                    of_place = by_place.setdefault(place, {each: {} for each in DRAWN})
+                    of_place[measure].setdefault(name, {})[spp] = score
+    return by_place
+
+
+def errors(place: str, of: Mapping[str, Curves], spps: Sequence[int]) -> bytes:
+    """Draw the curves of a family or scene as SVG, a panel for each measure."""
+    with mpl.rc_context({"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}):
+        figure = Figure(figsize=(12, 4.5), layout="constrained")
+        for axes, (measure, by_entry) in zip(figure.subplots(1, len(of)), of.items(), strict=True):
+            means, bands = {}, {}
+            for name, scores in by_entry.items():
+                triple = np.array([scores.get(spp, [np.nan] * 3) for spp in spps]).T
+                means[_label(name)] = np.where(triple[0] > 0, triple[0], np.nan)
+                if np.isfinite(triple).all() and (triple > 0).all():
+                    bands[_label(name)] = triple[1:]
+            means = {name: values for name, values in means.items() if not np.isnan(values).all()}
+            if means:
+                look = {"slopes": (), "ylabel": "error / error of random samples", "ax": axes}
+                about = title(f"{place}, {MEASURES[measure]}", by_entry)
+                plot.convergence(spps, means, bands=bands, title=about, **look)
+                axes.axhline(1, color="black", lw=0.8, zorder=1)
+        return _file(figure, format="svg", metadata={"Date": None})
+
+
+def _label(name: str) -> str:
+    return RIVALS[name].name if name in RIVALS else name
+
+
+def title(about: str, of: Curves) -> str:
+    """Return which entries have the least error with the most samples.
+
+    Entries whose intervals overlap with that of the least are not told apart: all are named, up to a number.
+    """
+    spp = max((spp for by_spp in of.values() for spp in by_spp), default=0)
+    at = {name: by_spp[spp] for name, by_spp in of.items() if spp in by_spp}
+    if not at:
+        return about
+    ordered = sorted(at, key=lambda name: at[name].middle)
+    best = at[ordered[0]]
+    alike = [name for name in ordered if at[name].low <= best.high]
+    more = f" and {len(alike) - MOST} more" if len(alike) > MOST else ""
+    return f"{about}, {spp} samples\nleast with {', '.join(alike[:MOST])}{more} ({best.middle:.2g})"
+
+
+def spectra(scene: str, rows: Sequence[ComparisonRow]) -> bytes:
+    """Draw the radial power of the errors of a scene as PNG, at the least and the most samples."""
+    counts, labels = sorted({row.spp for row in rows}), [_label(row.sampler) for row in rows]
+    counts = counts[:: max(1, len(counts) - 1)]
+    figure = Figure(figsize=(5.8 * len(counts), 3.4), layout="constrained")
+    for axes, spp in zip(np.ravel(figure.subplots(1, len(counts))), counts, strict=True):
+        for row in [row for row in rows if row.spp == spp]:
+            look = plot.style(_label(row.sampler), labels)
+            axes.plot(
+                row.frequency, row.power, look.line, color=look.color, lw=1.2, label=_label(row.sampler)
+            )
+        axes.axhline(1, color="0.6", lw=0.8, zorder=0)
+        label = "power of the error (white noise: 1)"
+        axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=label)
+        axes.set_title(f"{scene}, {spp} spp")
+        axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
+    return _file(figure, format="png", dpi=DPI, metadata={"Software": None})
+
+
+def _file(figure: Figure, **how: Any) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, **how)
+    return buffer.getvalue()

@@ -1,1 +1,0 @@
-"""A benchmark of samplers and sequences, ``qmcjax suite``; the documentation has its protocol."""

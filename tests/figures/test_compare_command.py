@@ -1,0 +1,533 @@
+"""Comparisons: entries of each kind, integrals in closed form, resumption, reports, and what is wrong."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+import playgrounds
+import pytest
+
+from analysis import ComparisonRow
+from figures import _cpp, ledger, plot
+from figures.__main__ import main
+from figures.comparing import entries, measuring, pictures, report, scores, tasks
+from figures.comparing.entries import NotSupportedError, of_program
+from figures.comparing.measuring import frame_errors
+from figures.comparing.mitsuba import at_equal_time
+from figures.comparing.samplers import parse
+from figures.comparing.scores import Measured, Score
+from figures.comparing.tasks import Ground, Size
+from figures.making import web_images
+from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.shared.rivals import RIVALS
+from qmcjax import samplers, sequences
+from qmcjax.core import packages
+
+OWN = """
+import jax.numpy as jnp
+from qmcjax import samplers, sequences
+
+def owen(dims, key):
+    return samplers.independent(sequences.sobol(dims), key)
+
+def moving(width, height, spp, dims, key, frames):
+    return samplers.z(width, height, spp, key, dims=dims, frames=frames)
+
+def few(key):
+    return samplers.independent(sequences.sobol(2), key)
+
+def copy(width, height, spp, dims, key):
+    from figures.shared.rivals import RIVALS
+    return RIVALS["random"].make(dims, width, height, spp, key)
+
+def other(size):
+    return None
+
+def nothing():
+    return None
+
+def raises():
+    return samplers.function(lambda x, y, sample: 1 / 0, 2)
+
+def broken():
+    return samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
+
+halton = sequences.halton(4)
+Owen = owen
+"""
+
+WRITES = """
+import struct, sys
+import numpy as np
+numbers = {name: int(value) for name, value in zip(sys.argv[1::2], sys.argv[2::2])}
+count = numbers["--width"] * numbers["--height"] * numbers["--spp"] * numbers["--dims"]
+made = np.random.default_rng(numbers["--seed"]).random(count).astype(np.float32) * np.float32(0.99)
+"""
+
+SMALL = ["--spp", "1,4", "--size", "32", "--keys", "4", "--scenes", "disc"]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    (tmp_path / "my_samplers.py").write_text(OWN, encoding="utf-8")
+    np.save(tmp_path / "my_points.npy", np.random.default_rng(1).random((16, 2)))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield tmp_path
+    sys.modules.pop("my_samplers", None)
+
+
+def table():
+    with Path("out/compare/compare.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.mark.parametrize("dims", [2, 4, 8])
+@pytest.mark.parametrize("seed", [0, 7])
+def test_integrals_are_those_of_the_integrands(dims, seed):
+    """Means and deviations over random points are within 5 standard errors."""
+    points = np.random.default_rng(3).random((2**17, dims), np.float32)
+    made = np.asarray(tasks._integrands(tasks.draw(dims, seed), points), np.float64).T
+    mean, deviation = tasks.moments(dims, seed)
+    assert made.shape == (2**17, len(tasks.CLASSES) * tasks.COUNT)
+    assert np.all(np.abs(made.mean(axis=0) - mean) < 5 * deviation / 2**8.5)
+    square = (made - mean) ** 2
+    assert np.all(np.abs(square.mean(axis=0) - deviation**2) < 5 * square.std(axis=0) / 2**8.5 + 1e-6)
+
+
+def test_held_out_integrands_differ_and_are_deterministic():
+    by_seed = {seed: tasks.draw.__wrapped__(4, seed) for seed in (0, 1, 2)}
+    again = tasks.draw.__wrapped__(4, 1)
+    for name in tasks.Integrands._fields:
+        assert np.array_equal(getattr(again, name), getattr(by_seed[1], name))
+    for name in ("normal", "offset", "low", "high", "centre", "phase"):
+        made = [getattr(of, name) for of in by_seed.values()]
+        assert not np.array_equal(made[0], made[1]) and not np.array_equal(made[1], made[2]), name
+
+
+@pytest.mark.slow
+def test_entries_in_python_give_the_points_of_the_sampler(folder):
+    """A function, a sequence, a name and a file: bit-equal to calls of the sampler."""
+    y, x, sample = np.indices((8, 8, 16), np.uint32)
+    owen = samplers.independent(sequences.sobol(4), 5)
+    halton = samplers.independent(sequences.halton(4), 5, "shift")
+    points = samplers.independent(sequences.tabulated(np.load("my_points.npy")), 5, "shift")
+    expected = {"my_samplers:owen": owen, "owen": owen, "my_samplers:halton": halton, "my_points.npy": points}
+    for text, sampler in expected.items():
+        made = parse(text).points(8, 8, 16, sampler.dims, 5)
+        assert np.array_equal(made, sampler(x, y, sample, tuple(range(sampler.dims)))), text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", RIVALS)
+def test_rivals_are_samplers_of_any_dimension(name):
+    for dims in (2, 5):
+        sampler = RIVALS[name].make(dims, 32, 32, 4, 1)
+        sampler.check(32, 32, 4)
+        assert sampler.dims >= dims or name == "ranked"
+        other = RIVALS[name].make(dims, 32, 32, 4, 2)
+        assert (sampler(3, 5, 1) != other(3, 5, 1)).any()
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
+def test_the_example_in_cpp_gives_the_points_that_it_says(folder):
+    source = Path(_cpp.__file__).with_name("points_example.cpp")
+    subprocess.run(["g++", "-O2", str(source), "-o", "mine"], check=True)
+    entry = of_program("./mine {width} {height} {spp} {dims} {seed}")
+    made = entry.points(3, 2, 4, 2, 9)
+    root = 1.32471795724474602596  # x^3 = x + 1
+    step = np.floor(root ** -np.arange(1.0, 3.0) * 2**32).astype(np.uint64)
+
+    def hashed(word):
+        word = (word ^ (word >> 16)) * 0x21F0AAAD % 2**32
+        word = (word ^ (word >> 15)) * 0xD35A2D97 % 2**32
+        return word ^ (word >> 15)
+
+    for row, column, sample, j in np.ndindex(2, 3, 4, 2):
+        shift = hashed(hashed(hashed(hashed(9) ^ row) ^ column) ^ j)
+        word = (shift + sample * int(step[j])) % 2**32
+        assert made[row, column, sample, j] == (word >> 8) / 2**24
+    with pytest.raises(ValueError, match=r"ended with status 1: usage: width height spp dims seed"):
+        of_program("./mine {width}").points(3, 2, 4, 2, 9)
+
+
+def test_text_and_bytes_are_the_same_points(folder, monkeypatch):
+    """Under the command qmcjax, too, programs in Python find what is beside them."""
+    monkeypatch.setenv(packages.SAFE, "1")
+    Path("beside.py").write_text("")
+    Path("writes.py").write_text(WRITES + "import beside; sys.stdout.buffer.write(made.tobytes())")
+    Path("text.py").write_text(WRITES + "print(*map(repr, made.tolist()), sep=', ')")
+    made = [of_program(f"{sys.executable} {name}.py").points(2, 3, 4, 2, 1) for name in ("writes", "text")]
+    assert made[0].shape == (3, 2, 4, 2) and np.array_equal(made[0], made[1])
+
+
+@pytest.mark.parametrize(
+    ("code", "message"),
+    [
+        (
+            "sys.stdout.buffer.write(made[:-1].tobytes())",
+            r"2 x 3 pixels x 4 samples x 2 dimensions = 48 .*got 47",
+        ),
+        ("sys.stdout.buffer.write(made.tobytes()[:-1])", "48 float32, got 191 bytes"),
+        (
+            "made[10] = np.nan; sys.stdout.buffer.write(made.tobytes())",
+            r"0 of pixel \(1, 0\), sample 1, is nan",
+        ),
+        ("made[47] = 1; sys.stdout.buffer.write(made.tobytes())", r"1 of pixel \(1, 2\), sample 3, is 1.0"),
+        ("made[0] = -0.5; sys.stdout.buffer.write(made.tobytes())", r"pixel \(0, 0\), sample 0, is -0.5"),
+        ("print('0.5 0.5.5')", "it must write numbers: could not convert"),
+        ("sys.exit('out of paper')", "ended with status 1: out of paper"),
+        ("import time; time.sleep(60)", "did not end within 0.5 seconds"),
+    ],
+)
+def test_programs_that_fail(folder, monkeypatch, code, message):
+    if "sleep" in code:
+        monkeypatch.setattr(entries, "SECONDS", 0.5)
+    Path("bad.py").write_text(WRITES + code)
+    with pytest.raises(ValueError, match=message) as caught:
+        of_program(f"{sys.executable} bad.py").points(2, 3, 4, 2, 1)
+    assert not isinstance(caught.value, NotSupportedError)
+
+
+def test_what_is_not_supported_is_no_failure(folder):
+    Path("two.py").write_text("import sys; print('2-D only', file=sys.stderr); sys.exit(2)")
+    with pytest.raises(NotSupportedError, match="status 2: 2-D only"):
+        of_program(f"{sys.executable} two.py").points(2, 3, 4, 4, 1)
+    with pytest.raises(NotSupportedError, match="it has 2 dimensions, not 4"):
+        parse("my_samplers:few").points(8, 8, 4, 4, 0)
+    with pytest.raises(NotSupportedError, match="it has 16 points, not 64"):
+        parse("my_points.npy").points(8, 8, 64, 2, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nowhere:mine"], "No module named 'nowhere'"),
+        (["my_samplers:yours"], "my_samplers has no 'yours'"),
+        (["my_samplers:other"], "must have parameters among width, height, .*, key, frames, got size"),
+        (["my_samplers:nothing"], "nothing must be a sampler"),
+        (["no_such"], "entries are module:name, a file of points, or one of random, owen"),
+        (["owen", "--against", "best"], "or one of random, owen, .*, got 'best'"),
+        (["outside.npy"], r"outside.npy: points must be in \[0, 1\), got .*1.5"),
+        (["--integrands", "-1"], "must be an integer in"),
+        (["--program", ""], "--program must be a command"),
+        (["--spp", "4,1"], "must be ascending numbers"),
+        (["--size", "16"], "must be at least 32"),
+        (["--keys", "0"], "must be an integer of at least 1"),
+        (["--scenes", "helicopter", "--size", "96"], "--size must divide 256"),
+        (["--mitsuba", "nowhere.xml"], "--mitsuba (must name files, got 'nowhere.xml'|needs Mitsuba)"),
+        (["--mitsuba", "a/x.xml", "b/x.xml"], "--mitsuba (must name files of different names|needs Mitsuba)"),
+    ],
+)
+def test_wrong_usage(folder, capsys, words, message):
+    np.save("outside.npy", np.array([[0.5, 0.5], [1.5, 0.5]]))
+    for name in ("a", "b"):
+        Path(name).mkdir()
+        Path(name, "x.xml").write_text(SCENE, encoding="utf-8")
+    with pytest.raises(SystemExit, match="2"):
+        main(["compare", *words])
+    err = " ".join(capsys.readouterr().err.split())
+    assert re.search(message, err), err
+    assert not Path("out").exists()
+
+
+def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
+    """Each entry is compared, by a name whose files are its own on any system."""
+    Path("owen").mkdir()
+    rng, files = np.random.default_rng(2), ["own_points", "Own-Points", "owen/own_points", "OWEN"]
+    for file in files:
+        np.save(f"{file}.npy", rng.random((8, 2)))
+    plans = []
+
+    def measure(self, *given):
+        plans.append(self)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(measuring.Run, "measure", measure)
+    points = [f"{file}.npy" for file in files]
+    words = ["my_samplers:owen", "my_samplers:Owen", *points, *SMALL, "--against", "owen"]
+    assert main(["compare", *words]) == 130
+    names = ["owen 2", "Owen 3", "own_points", "Own-Points 2", "own_points 3", "OWEN 4"]
+    assert list(plans[0].entries) == ["random", *names, "owen"] and plans[0].focus == names
+    images, _ = web_images.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in plans[0].entries})
+    assert len({name.lower() for name in images}) == 1 + 3 * (1 + len(names))
+
+
+@pytest.mark.slow
+def test_an_interrupted_run_goes_on(folder, monkeypatch, capsys):
+    """After k cells, the same command computes only the others; another seed computes all."""
+    monkeypatch.setattr(tasks, "DIMS", (2,))
+    computed = []
+    image_errors = measuring.image_errors
+
+    def counted(entry, *given):
+        if len(computed) == 3:
+            computed.append("interrupted")
+            raise KeyboardInterrupt
+        computed.append(entry.name)
+        return image_errors(entry, *given)
+
+    monkeypatch.setattr(measuring, "image_errors", counted)
+    command = ["compare", "--against", "my_samplers:owen", *SMALL]
+    assert main(command) == 130
+    assert computed == ["random", "random", "owen", "interrupted"]
+    assert main(command) == 0
+    assert computed[4:] == ["owen"]
+    assert main([*command, "--integrands", "3"]) == 0
+    assert computed[5:] == ["random", "random", "owen", "owen"]
+    assert {row["format"] for row in table()} == {str(scores.FORMAT)}
+
+
+@pytest.mark.slow
+def test_files_of_a_comparison(folder, monkeypatch, capsys):
+    """All files that the page names; a row for each task; scores of a copy: 1; summaries; a playground."""
+    monkeypatch.setattr(tasks, "DIMS", (2, 4))
+    command = "compare my_samplers:copy my_points.npy --against scipy-halton --integrands".split()
+    assert main([*command, *SMALL, "ball"]) == 0
+    assert capsys.readouterr().out.split() == ["out/compare/index.html"]
+    out, rows = Path("out/compare"), table()
+    assert list(rows[0])[:8] == ["format", "entry", "dims", "class", "task", "spp", "samples", "keys"]
+    count = len(tasks.CLASSES) * tasks.COUNT
+    images = {row["entry"]: sum(bool(r["rms"]) for r in rows if r["entry"] == row["entry"]) for row in rows}
+    whole = 2 * 2 * count
+    assert images == {
+        "random": whole + 4,
+        "copy": whole + 4,
+        "my_points": whole // 2 + 2,
+        "scipy-halton": whole,
+    }
+    assert all(
+        float(r[f"{m}_low"]) < float(r[m]) < float(r[f"{m}_high"])
+        for m in ("rms", "in_time")
+        for r in rows
+        if r[m]
+    )
+    assert sum(bool(row["in_time"]) for row in rows) == (2 * 2 + 1) * count
+    kept = json.loads((out / "scores.json").read_text())["entries"]
+    assert all(values[0] == 1 for measures in kept["copy"]["scores"].values() for values in measures.values())
+    assert kept["my_points"]["scores"]["boxes, 2-D"]["rms"][0] != 1
+    assert kept["my_points"]["left out"][0].startswith("4-D, 1 samples, points in 4-D")
+    lines = [line.strip("|\n").split("|") for line in (out / "compare.md").read_text().splitlines()]
+    assert len({len(line) for line in lines}) == 1
+    assert [line[0].strip() for line in lines[2:]] == list(images)
+    tex = (out / "compare.tex").read_text().splitlines()
+    assert all(line.count("&") - 2 * line.count(r"\&") == len(lines[0]) - 1 for line in tex if "&" in line)
+    assert tex[0] == r"\begin{tabular}{l" + "r" * (len(lines[0]) - 1) + "}" and tex[-1] == r"\end{tabular}"
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert "copy, my_points, compared" in page and "--size 32" in page and "Kept by copy." in page
+    assert "4-D, 4 samples" in page and "it has 2 dimensions, not 4" in page
+    named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
+    viewers = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]
+    placed = {"reference", "random", "copy", "my_points"}
+    assert [{item["name"] for item in each["items"]} for each in viewers] == [placed, placed - {"my_points"}]
+    for scene, each in zip(("disc", "ball"), viewers, strict=True):
+        named += [f"{scene}.{item['file']}" for item in each["items"]]
+    assert all((out / name).is_file() for name in named if not name.startswith("data:"))
+    assert "2-d.errors.svg" in named
+    picture = (out / "2-d.errors.svg").read_text()
+    assert {"copy", "scipy-halton", "samples per pixel"} <= set(re.findall(r">([^<>]*)</text>", picture))
+    data = playgrounds.unpacked((out / "playground-data.js").read_text())
+    dims = {each["name"]: each["dims"] for each in data["samplers"]}
+    assert dims == {"copy": 3, "my_points": 2, "random": 3}
+    assert (data["side"], data["counts"], data["keys"]) == (32, [1, 4], [0, 1, 2, 3])
+    assert data["start"] == {"left": "copy", "right": "random", "spp": 4}
+    assert "Not in the playground: scipy-halton" in page
+
+
+def test_samplers_that_break_promises_or_raise_end_in_a_page(folder, capsys):
+    """Promises come first; what raises is left out; errors have a digit more than two share."""
+    assert main(["compare", "my_samplers:broken", "my_samplers:raises", *SMALL, "--against", "random"]) == 1
+    err = capsys.readouterr().err
+    assert "broken breaks 3 of a sampler's promises" in err
+    assert "samples 0 and 1 of pixel (0, 0) are the same point" in err
+    assert "coordinate 1 is not uniform: it is 0.25 in all points" in err
+    assert "a call with arrays of pixels and samples fails: ZeroDivisionError" in err
+    assert "raises: 2-D, 1 samples: ZeroDivisionError: division by zero" in err
+    page = Path("out/compare/index.html").read_text(encoding="utf-8")
+    assert page.index("are the same point") < page.index('id="summary"')
+    # It has no key, so that nothing is certain of it.
+    assert len(re.findall(r"<b>broken</b></td>\s<td>\d \(1–2\), .*\s.*\(1–2\)", page)) == 3
+    assert "raises failed. 2-D, 1 samples: ZeroDivisionError: division by zero." in page
+    assert "Not in the playground: raises, since division by zero." in page
+    data = playgrounds.unpacked(Path("out/compare/playground-data.js").read_text())
+    assert [each["name"] for each in data["samplers"]] == ["random", "broken"]
+    assert data["start"] == {"right": "random", "left": "broken", "spp": 4}
+    errors = [float(row["rms"]) for row in table() if row["rms"]]
+    assert len(errors) == 4 and all(f", {error:.4g}</td>" in page for error in errors)
+
+
+def test_latex_and_markdown_escape_names():
+    heads, rows = ["entry", "2-D"], [["a_b|c & d%", "–"]]
+    assert report.latex(heads, rows).splitlines()[4] == r"a\_b|c \& d\% & -- \\"
+    assert report.markdown(heads, rows).splitlines()[2] == "| a_b\\|c & d% | – |"
+
+
+def test_a_score_is_the_mean_of_its_class():
+    """Ratios 1/2 and 2 in one class are 1; a class with a missing number of samples has no score."""
+    ground, rng, base, half = Ground((), True), np.random.default_rng(1), Measured(), Measured()
+    for spp in (1, 4):
+        for task in ground.tasks(2, spp, True):
+            base.errors[task] = {name: rng.uniform(0.5, 1, 4) for name in ("rms", "filtered")}
+            factor = (0.5 if spp == 1 else 2.0) * (16 if task.name == "half-spaces-0" else 1)
+            half.errors[task] = {name: factor * of for name, of in base.errors[task].items()}
+    classes = scores.class_means(scores.ratios(half, base), (1, 4))
+    assert Score.of(classes[2, "boxes", "rms"]).middle == pytest.approx(1)
+    assert Score.of(classes[2, "half-spaces", "filtered"]).middle == pytest.approx(16 ** (1 / tasks.COUNT))
+    assert scores.families(classes, classes, "rms")["2-D"].middle == pytest.approx(16 ** (1 / 20))
+    assert not scores.class_means(scores.ratios(half, base), (1, 4, 16))
+
+
+def test_stored_scores_are_of_this_format():
+    """Those of other projects have a version or a commit; no entry has an error, or lacks a family."""
+    assert ledger.SUITE.stat().st_size < 100_000
+    stored = json.loads(ledger.SUITE.read_text(encoding="utf-8"))
+    assert stored["format"] == scores.FORMAT
+    for name, entry in stored["entries"].items():
+        assert re.search(r"qmcjax: |\d+\.\d+|[0-9a-f]{12}", entry["origin"]), name
+        assert not entry["left out"], name
+        for middle, low, high in entry["summary"]["rms"].values():
+            assert low <= middle <= high
+    assert {score for score, _, _ in stored["entries"]["random"]["summary"]["rms"].values()} == {1}
+
+
+@pytest.mark.slow
+def test_frames_are_those_of_the_sampler(folder):
+    """Of a function and of one of ours; the error of a name without frames is that of new keys."""
+    y, x, sample = np.indices((8, 8, 1), np.uint32)
+    made = parse("my_samplers:moving")
+    for entry in (made, parse("z")):
+        frames = entry.animation(8, 8, 5, 4, 3)
+        assert frames.shape == (5, 8, 8, 4)
+        for t in (0, 4):
+            sampler = samplers.z(8, 8, 1, 3, dims=4, frames=5).at_frame(t)
+            assert np.array_equal(frames[t], sampler(x, y, sample, (0, 1, 2, 3))[:, :, 0])
+    assert np.array_equal(made.points(8, 8, 4, 4, 3), parse("z").points(8, 8, 4, 4, 3))
+    assert parse("owen").animation is None
+    each = (parse("z"), replace(parse("z"), animation=None), parse("random"))
+    size, ground = Size(32, (1,), 4), Ground((), True)
+    moving, anew, still = (np.log(frame_errors(entry, 2, size, ground)["values"]).mean() for entry in each)
+    assert moving < anew < still
+
+
+def test_errors_of_frames_of_random_samples():
+    """Independent errors of deviation 1 keep the root of the sum of the filter's squared weights."""
+    size = Size(32, (1,), 16)
+    made = frame_errors(parse("random"), 2, size, Ground((), True))["values"]
+    in_space = np.sqrt(np.mean(_white(32) ** 2))
+    alpha = 1 - measuring.FILTER_IN_TIME[1] / measuring.FILTER_IN_TIME[0]
+    kept = in_space * np.sqrt(alpha / (2 - alpha))
+    assert made.shape == (len(tasks.CLASSES) * tasks.COUNT, 16)
+    assert np.sqrt(np.mean(made**2)) == pytest.approx(kept, rel=0.1)
+
+
+def _white(side):
+    """Return how a Gaussian filter attenuates waves."""
+    impulse = np.zeros((side, side))
+    impulse[0, 0] = 1
+    place = np.minimum(np.arange(side), side - np.arange(side))
+    weights = np.exp(-(place[:, None] ** 2 + place**2) / (2 * 1.5**2))
+    return np.abs(np.fft.fft2(weights / weights.sum()))
+
+
+def test_a_title_names_what_is_not_told_apart():
+    of = {
+        "a": {1: Score(9.0, 9.0, 9.0), 4: Score(0.5, 0.4, 0.6)},
+        "b": {4: Score(0.62, 0.59, 0.65)},
+        "c": {4: Score(0.7, 0.61, 0.8)},
+    }
+    assert pictures.title("2-D", of) == "2-D, 4 samples\nleast with a, b (0.5)"
+    names = [f"entry {k}" for k in range(15)]
+    assert len({plot.style(name, names) for name in names}) == len(names)
+
+
+@pytest.mark.slow
+def test_traced_scenes_have_values_of_the_reference():
+    for name in tasks.SCENES:
+        world = tasks.scene(name)
+        points = jax.ShapeDtypeStruct((32, 32, len(world.needs)), np.float32)
+        assert jax.eval_shape(tasks._values, world, points).shape == tasks.reference(name, 32, 32).shape
+
+
+def row_of(name, spp, seconds, errors):
+    values = {measure: tuple(errors) for measure in ("RMS error", "filtered error")}
+    none = np.zeros(0)
+    return ComparisonRow("scene", name, spp, values, seconds, none, none, np.zeros((2, 2), np.float32))
+
+
+def test_errors_at_equal_time():
+    """Power laws are exact between and beyond numbers of samples; the first of Mitsuba's keeps its errors."""
+    theirs = [row_of("mitsuba-independent", n, 1.0 * n, [n**-0.5, 3 * n**-0.5]) for n in (1, 4, 16)]
+    # Each image takes twice as long, and its error is 1 / n of twice as many.
+    ours = [row_of("ours", n, 2.0 * n, [1 / n, 5 / n]) for n in (1, 4, 16)]
+    once = [row_of("once", 4, 16.0, [0.5, 0.7])]
+    rows = at_equal_time([*ours, *theirs, *once])
+    assert [row.values["RMS error"] for row in rows] == [
+        row.values["RMS error"] for row in (*ours, *theirs, *once)
+    ]
+    for row, own in zip(rows[:3], ours, strict=True):
+        assert np.allclose(row.values["RMS error at equal time"], 2 * np.array(own.values["RMS error"]))
+    for row in rows[3:6]:
+        assert np.allclose(row.values["filtered error at equal time"], row.values["filtered error"])
+    assert np.allclose(rows[6].values["RMS error at equal time"], [1.0, 1.4])
+    assert at_equal_time([*ours, *once]) == [*ours, *once]
+    # Nearly fixed times say nothing about errors in half the time: no power of 100.
+    fixed = [row_of("fixed", n, 2.0 + 1e-3 * n, [1 / n, 0.0]) for n in (1, 4)]
+    rows = at_equal_time([*theirs[:2], *fixed])
+    assert np.allclose(rows[2].values["RMS error at equal time"], [2.001**1.5, 0.0])
+    slower = [row_of("slower", n, 8.0 / n, [1 / n, 1 / n]) for n in (1, 4)]
+    assert at_equal_time([*theirs[:2], *slower])[2].values["RMS error at equal time"] == (0.25, 0.25)
+
+
+SCENE = """
+<scene version="3.0.0">
+    <integrator type="path"><integer name="max_depth" value="3"/></integrator>
+    <sensor type="perspective">
+        <transform name="to_world"><lookat origin="0, 1, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
+        <film type="hdrfilm">
+            <integer name="width" value="400"/><integer name="height" value="300"/>
+            <integer name="crop_width" value="200"/><integer name="crop_offset_x" value="100"/>
+        </film>
+    </sensor>
+    <shape type="sphere"/>
+    <shape type="rectangle">
+        <transform name="to_world"><rotate x="1" angle="-90"/><translate y="-1"/></transform>
+    </shape>
+    <emitter type="constant"/>
+</scene>
+"""
+
+
+@pytest.mark.skipif(not mitsuba_scenes.installed(), reason="Mitsuba is not installed")
+@pytest.mark.slow
+def test_scenes_of_mitsuba(folder, capsys):
+    """Images of a crop window's aspect; the reference is kept, and taken by the next comparison."""
+    Path("ball.xml").write_text(SCENE, encoding="utf-8")
+    first = "compare my_samplers:owen --mitsuba ball.xml --spp 1,3,4 --size 48 --keys 4 --against".split()
+    assert main([*first, "mitsuba-independent", "z", "mitsuba-stratified", "scipy-halton"]) == 0
+    assert capsys.readouterr().out.split() == ["out/compare/index.html"]
+    page = Path("out/compare/index.html").read_text(encoding="utf-8")
+    assert '"width":32,"height":48' in page
+    assert "RMS error at equal time" in page and "Kept by owen." in page
+    assert (
+        "mitsuba-stratified, ball, 3 samples: spp must be a number that it takes, got 3: it takes 4" in page
+    )
+    assert "z, ball, 3 samples" in page and "scipy-halton, ball: Mitsuba asks" in page
+    rows = [row for row in table() if row["class"] == tasks.OF_MITSUBA]
+    assert len(rows) == 3 + 3 + 3 + 2 + 2
+    errors = {(row["entry"], row["spp"]): float(row["rms"]) for row in rows}
+    assert errors["owen", "4"] < errors["mitsuba-independent", "4"] < errors["mitsuba-independent", "1"]
+    (kept,) = Path("out/compare").glob("reference-ball-*.npz")
+    with np.load(kept) as state:
+        assert state["done"] == 16
+    # At 4 samples the error of the reference is small beside all others.
+    assert float(re.search(r"([\d.]+) of the least one", page)[1]) < 0.5
+    before = kept.stat().st_mtime_ns
+    assert main([*first, "z"]) == 0
+    assert kept.stat().st_mtime_ns == before and not any(row["rms_equal_time"] for row in table())

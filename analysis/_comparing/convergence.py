@@ -199,7 +199,7 @@ def convergence(
     if regions is None:
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
     _check_regions(regions, width, height)
-    mesh = devices.checked(mesh)
+    mesh = devices.validate_mesh(mesh)
     plan = [(name, spp, _sampler(name, made, spp)) for name, made in samplers.items() for spp in wanted]
     places = {(name, spp): place for place, (name, spp, _) in enumerate(plan)}
     for _, spp, sampler in plan:
@@ -223,7 +223,7 @@ def convergence(
             measured[0], image = time_render(scene, sampler, width, height, spp, own)
             repeated = [time_render(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
             measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
-        told = devices.told(measured.view(np.uint32), mesh).view(np.float64).tolist()
+        told = devices.gather(measured.view(np.uint32), mesh).view(np.float64).tolist()
         for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
             rows.append(ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first))
         if saved is not None and saved.due(last=not rest):

@@ -71,13 +71,13 @@ def pixel_means(
     dtype = checks.floating(dtype)
     sampler.check(width, height, spp)
     sampler = sampler.up_to(spp)
-    mesh = devices.checked(mesh)
+    mesh = devices.validate_mesh(mesh)
     wrapped = plug_ins.wrap("function", function)
     with checks.precision(dtype):
         traced = is_traced((function, sampler))
         # Derivatives sum over parts: if they may be requested, the parts must not depend on devices.
         rows = -(-height // (devices.FEW if traced else devices.count(mesh)))
-        arguments = devices.placed((wrapped, sampler, np.uint32(spp)), mesh)
+        arguments = devices.place((wrapped, sampler, np.uint32(spp)), mesh)
         made = _means(*arguments, (height, width), rows, wanted, dtype, mesh, traced)
         return devices.local(made, mesh)
 

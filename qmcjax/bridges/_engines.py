@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from qmcjax.core import checks
-from qmcjax.integration import randomised
+from qmcjax.integration import randomise
 from qmcjax.sequences import Sequence, as_sequence, tabulated
 
 
@@ -116,7 +116,7 @@ class SequenceEngine(qmc.QMCEngine):
         self._init_quad = {"sequence": sequence, "optimization": optimization}  # scipy adds a seed to it.
         self.sequence = sequence
         if seed is not None:
-            self.sequence = randomised(sequence, checks.prng_key("seed", int.from_bytes(self.rng.bytes(4))))
+            self.sequence = randomise(sequence, checks.prng_key("seed", int.from_bytes(self.rng.bytes(4))))
 
     def _random(self, n: Any = 1, *, workers: Any = 1) -> NDArray[np.float64]:
         self.num_generated = int(self.num_generated)  # scipy adds whatever integers it was given.

@@ -19,7 +19,7 @@ from qmcjax.core.jax_internals import alike
 _AXIS = "parts"
 
 
-def checked(mesh: Any) -> Mesh | None:
+def validate_mesh(mesh: Any) -> Mesh | None:
     """Return a one-dimensional mesh of devices, or None for the default device alone.
 
     Devices of another backend, or none of this process, raise a ValueError.
@@ -77,7 +77,7 @@ def everywhere(values: Any, mesh: Mesh | None) -> Any:
     return jax.lax.with_sharding_constraint(values, NamedSharding(mesh, PartitionSpec()))
 
 
-def placed(values: Any, mesh: Mesh | None) -> Any:
+def place(values: Any, mesh: Mesh | None) -> Any:
     """Return a pytree with its arrays on all devices of a mesh; all processes must have the same values."""
     if mesh is None:
         return values
@@ -120,10 +120,10 @@ def is_first(mesh: Mesh | None) -> bool:
 
 def agree(word: int, mesh: Mesh | None) -> bool:
     """Return whether all processes of a mesh call this with the same uint32."""
-    return bool((told(np.array([word], np.uint32), mesh) == word).all())
+    return bool((gather(np.array([word], np.uint32), mesh) == word).all())
 
 
-def told(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
+def gather(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
     """Return the words of all processes of a mesh, one row per process; all send equally many."""
     if mesh is None or processes(mesh) == 1:
         return words[None]
@@ -141,7 +141,7 @@ def of_process(mesh: Mesh | None) -> tuple[int, Mesh | None]:
         return 0, None
     own = [device for device in mesh.devices.flat if device.process_index == jax.process_index()]
     others = {device.process_index for device in mesh.devices.flat}
-    return sorted(others).index(jax.process_index()), checked(Mesh(np.array(own), (_AXIS,)))
+    return sorted(others).index(jax.process_index()), validate_mesh(Mesh(np.array(own), (_AXIS,)))
 
 
 FEW = 8
@@ -158,7 +158,7 @@ def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared:
     """Map ``function(part, *shared)`` over the parts, one after the other on each device.
 
     Parts lie along the first axes of the arrays of ``parts``, and so do the results, on all devices of the
-    mesh, which is from :func:`checked`.
+    mesh, which is from :func:`validate_mesh`.
     """
     if mesh is not None:
         return over(partial(mapped, function, None), mesh, parts, *shared)
@@ -172,8 +172,8 @@ def differentiable(function: Callable[..., Any], mesh: Mesh | None, parts: Any, 
     """Map a function over parts as :func:`mapped`, with derivatives that are bit-identical on any devices."""
     function, closed_over = _converted(function, mesh, parts, *shared)
 
-    moved = partial(_moved, function, mesh)
-    return _with_tangents(partial(mapped, function, mesh), moved)(parts, *shared, closed_over)
+    tangents_of = partial(_tangents, function, mesh)
+    return _with_tangents(partial(mapped, function, mesh), tangents_of)(parts, *shared, closed_over)
 
 
 def summed(
@@ -184,10 +184,10 @@ def summed(
         return _summed(function, mesh, parts, *shared)
     function, closed_over = _converted(function, mesh, parts, *shared)
 
-    def moved(primals: Any, moves: dict[int, Array]) -> Array:
-        return _in_order(_moved(function, mesh, primals, moves))
+    def tangents_of(primals: Any, moves: dict[int, Array]) -> Array:
+        return _in_order(_tangents(function, mesh, primals, moves))
 
-    return _with_tangents(partial(_summed, function, mesh), moved)(parts, *shared, closed_over)
+    return _with_tangents(partial(_summed, function, mesh), tangents_of)(parts, *shared, closed_over)
 
 
 def _summed(function: Callable[..., Array], mesh: Mesh | None, parts: Any, *shared: Any) -> Array:
@@ -214,11 +214,11 @@ def _converted(
         example = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype), example)
     converted, closed_over = jax.closure_convert(function, *example)
 
-    def opened(*given: Any) -> Any:
+    def with_closed_over(*given: Any) -> Any:
         *others, closed_over = alike(given)
         return converted(*others, *closed_over)
 
-    return opened, tuple(closed_over)
+    return with_closed_over, tuple(closed_over)
 
 
 def _in_order(terms: Array) -> Array:
@@ -230,12 +230,12 @@ def _in_order(terms: Array) -> Array:
 
 
 def _with_tangents(
-    function: Callable[..., Any], moved: Callable[[Any, dict[int, Array]], Any]
+    function: Callable[..., Any], tangents_of: Callable[[Any, dict[int, Array]], Any]
 ) -> Callable[..., Any]:
-    """Return a function with the tangents ``moved``.
+    """Return a function with the tangents that another one returns.
 
-    ``moved`` takes the arguments and the tangents that are not zero, by the numbers of their leaves. Values
-    do not come from there: JAX refuses those that are computed together with tangents.
+    ``tangents_of`` takes the arguments and the tangents that are not zero, by the numbers of their leaves.
+    Values do not come from there: JAX refuses those that are computed together with tangents.
     """
     differentiable = jax.custom_jvp(function)
 
@@ -243,12 +243,12 @@ def _with_tangents(
     def _(primals: Any, tangents: Any) -> tuple[Any, Any]:
         moves = dict(enumerate(jax.tree.leaves(tangents)))
         moves = {j: move for j, move in moves.items() if not isinstance(move, SymbolicZero)}
-        return differentiable(*primals), moved(primals, moves)
+        return differentiable(*primals), tangents_of(primals, moves)
 
     return differentiable
 
 
-def _moved(function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]) -> Any:
+def _tangents(function: Callable[..., Any], mesh: Mesh | None, primals: Any, moves: dict[int, Array]) -> Any:
     """Return the tangents of the mapped values.
 
     The derivative with respect to a shared argument is a sum over parts. One sum per device would make

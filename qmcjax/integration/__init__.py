@@ -2,4 +2,4 @@
 
 from qmcjax.integration._estimate import Estimate as Estimate
 from qmcjax.integration._integrate import integrate as integrate
-from qmcjax.integration._integrate import randomised as randomised
+from qmcjax.integration._integrate import randomise as randomise

@@ -75,7 +75,7 @@ def _times(values: Any, factors: list[Array]) -> Any:
     return made
 
 
-def bounded(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bounded, float]:
+def over_box(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bounded, float]:
     """Return a function of the unit cube, and the volume of the box: infinite, or NaN if it is traced."""
     function = plug_ins.wrap("function", function)
     leaves = jax.tree.leaves(bounds)

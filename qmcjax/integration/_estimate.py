@@ -13,7 +13,7 @@ from jax.core import Tracer
 
 from qmcjax.core import checks
 from qmcjax.integration import _intervals
-from qmcjax.integration._means import joined, of_columns
+from qmcjax.integration._means import as_complex, of_columns
 
 
 class Estimate(NamedTuple):
@@ -197,7 +197,7 @@ KINDS: dict[str, type[Estimate]] = {
 """Classes of estimates by the kind of their intervals."""
 
 
-def checked_limits(limits: Any, kind: str, replicates: int | None) -> tuple[float, float] | None:
+def validate_limits(limits: Any, kind: str, replicates: int | None) -> tuple[float, float] | None:
     """Return bounds of values, which must be there for intervals by betting, and only with replicates."""
     if limits is None:
         if kind == "betting":
@@ -272,7 +272,7 @@ def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]
         xp: Any = jnp if any(isinstance(leaf, Tracer) for leaf in leaves) else np
         if not xp.iscomplexobj(leaves[0]):
             return ends(xp, *leaves)
-        low, high = map(joined, ends(xp, *(x.real for x in leaves)), ends(xp, *(x.imag for x in leaves)))
+        low, high = map(as_complex, ends(xp, *(x.real for x in leaves)), ends(xp, *(x.imag for x in leaves)))
         return low, high
 
     flat, tree = zip(*map(jax.tree.flatten, trees), strict=True)

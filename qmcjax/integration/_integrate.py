@@ -13,16 +13,16 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import backends, checks, devices, draws
 from qmcjax.core.pytrees import is_traced
-from qmcjax.integration._boxes import bounded
+from qmcjax.integration._boxes import over_box
 from qmcjax.integration._estimate import (
     KINDS,
     Estimate,
-    checked_limits,
     doublings,
     estimate,
     limits_of_integral,
+    validate_limits,
 )
-from qmcjax.integration._means import ROWS, mean_of, prepared, range_seen, refuse_infinite, some_values
+from qmcjax.integration._means import ROWS, mean_of, prepare, refuse_infinite, some_values, value_range
 from qmcjax.sequences import (
     Sequence,
     as_sequence,
@@ -236,7 +236,7 @@ def integrate(
         raise ValueError(f"start + n must be at most {sequence.limit}, got {start} + {n}")
     dtype = checks.floating(dtype)
     kind = checks.choice("interval", interval, KINDS)
-    limits = checked_limits(limits, kind, replicates)
+    limits = validate_limits(limits, kind, replicates)
     if replicates is None:
         if key is not None:
             raise ValueError(f"key must be None without replicates, got {checks.shown(key)}")
@@ -246,19 +246,19 @@ def integrate(
     else:
         replicates = checks.integer("replicates", replicates, 2, 2**16)
         keys = draws.split(checks.prng_key("key", key), replicates)
-        copies = [randomised(sequence, each, kind) for each in keys]
+        copies = [randomise(sequence, each, kind) for each in keys]
     sizes, level = [n], 0.95
     if tolerance is not None:
         sizes, level = doublings(tolerance, n, replicates, kind)
         if is_traced((function, copies)):
             raise TypeError("tolerance must be None where the function or the sequence is traced")
-    mesh = devices.checked(mesh)
+    mesh = devices.validate_mesh(mesh)
     if bounds is not None:
-        function, volume = bounded(function, bounds, sequence.dims, dtype)
+        function, volume = over_box(function, bounds, sequence.dims, dtype)
         if limits is not None:
             limits = limits_of_integral(limits, volume)
     with checks.precision(dtype):
-        function, like = prepared(function, sequence.dims, dtype)
+        function, like = prepare(function, sequence.dims, dtype)
         wide = jnp.result_type(float) == jnp.float64
     replicated = replicates is not None
     with checks.precision(jnp.float64 if replicated else dtype):
@@ -276,7 +276,7 @@ def integrate(
                     replicated,
                     wide,
                 )
-                found.append(devices.local(mean_of(*devices.placed(arguments, mesh), *how), mesh))
+                found.append(devices.local(mean_of(*devices.place(arguments, mesh), *how), mesh))
             for copy, columns in zip(copies, found, strict=True):
                 refuse_infinite(columns, function, copy, start, n, dtype, replicated, wide)
             return found
@@ -292,7 +292,7 @@ def integrate(
         def made_of(size: int) -> Estimate:
             nonlocal spread
             if limits is None:
-                spread = range_seen(spread, some, found, function, copies, start, size, *how)
+                spread = value_range(spread, some, found, function, copies, start, size, *how)
             return estimate(found, some, spread, like, size, dtype, kind, limits, tolerance, level)
 
         made = made_of(sizes[0])
@@ -307,7 +307,7 @@ def integrate(
         return made
 
 
-def randomised(sequence: Sequence, key: Array, kind: str = "student") -> Sequence:
+def randomise(sequence: Sequence, key: Array, kind: str = "student") -> Sequence:
     """Return a copy of a sequence that is independent of those of other keys."""
     if kind == "median":
         try:

@@ -38,13 +38,13 @@ def of_columns(columns: Array, like: Any, dtype: np.dtype) -> Any:
         shape = leaf.shape[1:]
         if jnp.issubdtype(leaf.dtype, jnp.complexfloating):
             real, imaginary = next_part(shape), next_part(shape)
-            return joined(real, imaginary).astype(leaf.dtype)
+            return as_complex(real, imaginary).astype(leaf.dtype)
         return next_part(shape).astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype)
 
     return jax.tree.map(value, like)
 
 
-def joined(real: Any, imaginary: Any) -> Any:
+def as_complex(real: Any, imaginary: Any) -> Any:
     """Return complex numbers: an infinite imaginary part, times 1j, would give a real part that is NaN."""
     if isinstance(real, Array):
         return jax.lax.complex(real, imaginary)
@@ -97,7 +97,7 @@ def _call_checked(function: Any, points: Array) -> Any:
 _shaped = jax.jit(_call_checked)
 
 
-def prepared(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
+def prepare(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
     """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
 
     Raise a ValueError unless it has one value per row. Differentiable closed-over values become arguments of
@@ -249,7 +249,7 @@ def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n
     raise ValueError(f"function must return values with a finite sum, got an overflow of {n} values")
 
 
-def range_seen(
+def value_range(
     spread: Any, some: Any, means: list[Any], function: Any, copies: list[Any], start: int, n: int, *how: Any
 ) -> Any:
     """Return the range of the values of replicates: of some, or if these are equal, of all until others come.

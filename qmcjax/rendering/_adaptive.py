@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from qmcjax.core import backends, checks, devices
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._render import rendered
+from qmcjax.rendering._render import render_task
 from qmcjax.rendering._task import Task, in_one_pass, refuse
 
 Group = tuple[tuple[int, ...], NDArray[np.intp]]
@@ -30,10 +30,10 @@ class AdaptiveImage(NamedTuple):
     """Fraction of all width * height * spp samples that was saved."""
 
 
-def skipping(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
+def skip_constant(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
     """Take one sample where the scene is constant; elsewhere sample only the coordinates that vary."""
     if getattr(task.scene, "varies", None) is None:
-        image = rendered(task, mesh, progress, None)
+        image = render_task(task, mesh, progress, None)
         return AdaptiveImage(image, np.full(image.shape[:2], task.spp, np.uint32), 0.0)
     image, groups = plan(task)
     counts = np.ones(image.shape[:2], np.uint32)
@@ -127,7 +127,7 @@ def means(
         large, small = backend.listed_traced
         sizes = (small if task.width * task.height < 4 * large else large,)
     with checks.precision(task.dtype):
-        pair = devices.placed((task.scene, sampler), mesh)
+        pair = devices.place((task.scene, sampler), mesh)
         begun = []
         for part, padded in _parts(pixels, tuple(size * count for size in sizes)):
             size = len(padded) // count
@@ -135,7 +135,7 @@ def means(
             how = _accumulation.How(
                 size, task.width, task.height, batch, together, whole, dims, task.dtype, mesh
             )
-            arguments = devices.placed((padded.reshape(count, size), np.uint32(task.spp)), mesh)
+            arguments = devices.place((padded.reshape(count, size), np.uint32(task.spp)), mesh)
             made = _accumulation.means(pair, *arguments, how, False)
             begun.append((part, devices.local(made, mesh)))
         for part, values in begun:

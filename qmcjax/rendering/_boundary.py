@@ -118,7 +118,7 @@ def boundary_gradient(
     # Each point has a matrix for each parameter.
     numbers = (free + 1) ** 2 * sum(np.size(leaf) for leaf in jax.tree.leaves(scene))
     rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
-    mesh = devices.checked(mesh)
+    mesh = devices.validate_mesh(mesh)
     with checks.precision(dtype):
         scene = jax.tree.map(lambda leaf: jnp.asarray(leaf).astype(dtype), scene)
         blocks = -(-n // rows)
@@ -126,7 +126,7 @@ def boundary_gradient(
         edges = (np.arange(count + 1, dtype=np.uint64) * np.uint64(blocks) // np.uint64(count)).astype(
             np.uint32
         )
-        arguments = devices.placed((scene, sequence, np.uint32(n), edges), mesh)
+        arguments = devices.place((scene, sequence, np.uint32(n), edges), mesh)
         return devices.local(_gradient(*arguments, width, height, rows, dtype, mesh), mesh)
 
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks, devices, draws
 from qmcjax.core.checkpoints import Checkpoint
-from qmcjax.rendering._render import render, rendered
-from qmcjax.rendering._task import check_progress, opened, task
+from qmcjax.rendering._render import render, render_task
+from qmcjax.rendering._task import check_progress, open_checkpoint, task
 from qmcjax.scenes import as_scene
 
 
@@ -109,7 +109,7 @@ def render_passes(
             checks.positive(name, value)
             if np.ndim(value):
                 raise TypeError(f"{name} must be one number, got {checks.shown(value)}")
-    if seconds is not None and devices.processes(devices.checked(mesh)) > 1:
+    if seconds is not None and devices.processes(devices.validate_mesh(mesh)) > 1:
         raise ValueError(f"seconds must be None for a mesh of several processes, got {seconds}")
     dtype = checks.floating(dtype)
     begin, state, saved = time.monotonic(), None, None
@@ -117,7 +117,7 @@ def render_passes(
         first = task(scene, sampler.of_pass(0), width, height, sampler.spp, dtype)
         check_progress(progress, first)
         made_of = {"sampler": sampler, "first pass": first.sampler}
-        saved = opened(checkpoint, "render_passes", first, devices.checked(mesh), **made_of)
+        saved = open_checkpoint(checkpoint, "render_passes", first, devices.validate_mesh(mesh), **made_of)
     if saved is not None:
         state = _resumed(saved.state, passes)
 
@@ -261,8 +261,8 @@ def estimated_reference(
         for each in keys
     ]
     check_progress(progress, tasks[0])
-    mesh = devices.checked(mesh)
-    saved = opened(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
+    mesh = devices.validate_mesh(mesh)
+    saved = open_checkpoint(checkpoint, "estimated_reference", tasks[0], mesh, key=keys, spp=spp)
     images = [] if saved is None else list(saved.state.pop("images", []))
     for number in range(len(images), REPLICATES):
 
@@ -272,7 +272,7 @@ def estimated_reference(
 
         if saved is not None:
             saved.outer = {"images": np.array(images, np.float64)}
-        images.append(rendered(tasks[number], mesh, None if progress is None else report, saved))
+        images.append(render_task(tasks[number], mesh, None if progress is None else report, saved))
         if saved is not None:
             saved.state = {}
     with jax.enable_x64(True):

@@ -17,7 +17,7 @@ from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._task import Task, check_progress, in_one_pass, opened, refuse, task
+from qmcjax.rendering._task import Task, check_progress, in_one_pass, open_checkpoint, refuse, task
 
 
 def render(
@@ -82,11 +82,11 @@ def render(
     """
     wanted = task(scene, sampler, width, height, spp, dtype)
     check_progress(progress, wanted)
-    mesh = devices.checked(mesh)
-    return rendered(wanted, mesh, progress, opened(checkpoint, "render", wanted, mesh))
+    mesh = devices.validate_mesh(mesh)
+    return render_task(wanted, mesh, progress, open_checkpoint(checkpoint, "render", wanted, mesh))
 
 
-def rendered(
+def render_task(
     task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, saved: checkpoints.File | None
 ) -> Array:
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
@@ -96,7 +96,7 @@ def rendered(
     with checks.precision(dtype):
         # Values are added pairwise before the compensated sum: memory traffic dominates.
         batch, together = in_one_pass(scene, sampler, spp, dims)
-        pair = devices.placed((scene, sampler), mesh)
+        pair = devices.place((scene, sampler), mesh)
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
         most = min(backend.pixels, backend.samples // spp)
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
@@ -121,7 +121,7 @@ def rendered(
                 image, finite = _at_once(pair, np.uint32(spp), how, count)
                 break
             if state is None and (traced or count * size * spp <= backend.samples):
-                arguments = devices.placed((tiles, np.uint32(spp)), mesh)
+                arguments = devices.place((tiles, np.uint32(spp)), mesh)
                 means = devices.local(_accumulation.means(pair, *arguments, how, traced), mesh)
             else:
                 if state is None:
@@ -129,7 +129,7 @@ def rendered(
                 blocks = max(backend.samples // (count * of_tile * how.block), 1)
                 more = min(spp - samples, blocks * how.block)
                 arguments = tiles, state, np.uint32(samples // how.block), np.uint32(more // how.block)
-                arguments = devices.placed(arguments, mesh)
+                arguments = devices.place(arguments, mesh)
                 state = devices.local(_accumulation.accumulate(pair, *arguments, how), mesh)
                 samples += more
                 if samples == spp:

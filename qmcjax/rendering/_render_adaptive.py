@@ -8,9 +8,9 @@ from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, devices
-from qmcjax.rendering._adaptive import AdaptiveImage, skipping
+from qmcjax.rendering._adaptive import AdaptiveImage, skip_constant
 from qmcjax.rendering._task import Task, check_progress, task
-from qmcjax.rendering.stopping import check_passes, until
+from qmcjax.rendering.stopping import check_passes, until_tolerance
 
 
 def render_adaptive(
@@ -87,11 +87,11 @@ def render_adaptive(
         )
     check_progress(progress, wanted)
     _check_tolerance(wanted, tolerance, unbiased)
-    mesh = devices.checked(mesh)
+    mesh = devices.validate_mesh(mesh)
     report = progress or (lambda part: None)
     if tolerance is None:
-        return skipping(wanted, mesh, report)
-    return until(wanted, tolerance, unbiased, mesh, report)
+        return skip_constant(wanted, mesh, report)
+    return until_tolerance(wanted, tolerance, unbiased, mesh, report)
 
 
 def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:

@@ -107,7 +107,7 @@ def check_progress(progress: Any, task: Task) -> None:
         _check_outside("progress", progress, task)
 
 
-def opened(
+def open_checkpoint(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
 ) -> checkpoints.File | None:
     """Return the checkpoint of a result that depends on a task and further arguments."""

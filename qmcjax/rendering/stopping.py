@@ -44,12 +44,12 @@ def pilot_of(sampler: Randomized) -> Randomized:
     return replace(sampler, key=jax.random.fold_in(sampler.key, _PILOT_KEY))
 
 
-def predicted(variance: NDArray[np.float64], tolerance: float, most: int) -> NDArray[np.int64]:
+def passes_needed(variance: NDArray[np.float64], tolerance: float, most: int) -> NDArray[np.int64]:
     """Return how many passes of this variance have a mean with this standard error: in [1, most]."""
     return np.clip(np.ceil(variance / tolerance / tolerance), 1, most).astype(np.int64)
 
 
-def until(
+def until_tolerance(
     task: Task, tolerance: float, unbiased: bool, mesh: Mesh | None, progress: Callable[[float], None]
 ) -> AdaptiveImage:
     """Take passes in each pixel that varies until its standard error is at most ``tolerance``."""
@@ -67,7 +67,7 @@ def until(
     if not np.isfinite(moments.mean).all():
         refuse(task._replace(sampler=pilot, spp=PILOT * pilot.spp), moments.mean.reshape(centre.shape))
     if unbiased:
-        passes = predicted(moments.variance(), tolerance, limit - PILOT) * vary
+        passes = passes_needed(moments.variance(), tolerance, limit - PILOT) * vary
         moments = _Moments(centre.shape, mesh)
         for number in range(int(passes.max(initial=0))):
             moments.add(task, task.sampler.of_pass(number), groups, passes > number)

@@ -12,7 +12,7 @@ from qmcjax.bridges.mitsuba._register import NAME, register, wrap
 from qmcjax.bridges.mitsuba._sensors import delegate, loaded, sensor_of
 from qmcjax.core import checks, draws
 from qmcjax.rendering import AdaptiveImage
-from qmcjax.rendering.stopping import PILOT, check_passes, pilot_of, predicted
+from qmcjax.rendering.stopping import PILOT, check_passes, passes_needed, pilot_of
 from qmcjax.samplers import Randomized
 
 _FORMATS = {
@@ -209,7 +209,7 @@ def render_adaptive(
         passes.add(number, every)
     spent = PILOT * every
     if unbiased:
-        wanted = predicted(passes.variance(), tolerance, limit - PILOT)
+        wanted = passes_needed(passes.variance(), tolerance, limit - PILOT)
         passes = _Passes(mitsuba, scene, tiles, sampler, key, False)
         for number in range(int(wanted.max())):
             passes.add(number, wanted > number)

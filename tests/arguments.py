@@ -1,30 +1,16 @@
-"""Wrong arguments in every place of every public function: an error that names it, or a right result.
-
-Each wrong thing goes into the place of each parameter while the others are right, and wrong and right ones
-are mixed in all places at once. What is right is small and always the same, so that little is compiled.
-What is right nowhere is tried by default.
-"""
+"""Right arguments of every public function, small and always the same, so that little is compiled."""
 
 import inspect
-import math
-import random
-import re
 import tempfile
-import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from matplotlib.figure import Figure
-from scipy.stats import qmc
-from wrong import TYPES, VALUES
 
 import analysis
 import qmcjax
@@ -34,30 +20,8 @@ from qmcjax import bridges, orders, samplers, scenes, sequences, tracing, warps
 from qmcjax.bridges import mitsuba
 from qmcjax.tracing import motion
 
-pytestmark = pytest.mark.usefixtures("least_optimized")
-
-EXAMPLES = 20
-"""Mixed calls of each function."""
-
-CALLS = 30_000
-"""At least so many calls with one wrong argument there must be."""
-
 IMAGE = np.array([[0.0, 1.0], [2.0, 5.0]])
 POINTS = np.array([[0.0, 0.0], [0.25, 0.5], [0.5, 0.25], [0.75, 0.75]])
-
-
-@dataclass
-class Plain:
-    """Neither a sequence nor an order, a sampler or a scene, but with some of their attributes."""
-
-    dims: int = 2
-    width: int = 4
-    height: int = 4
-    needs: tuple = ("x", "y")
-
-
-def constant(*args):
-    return None
 
 
 def half(points):
@@ -74,52 +38,6 @@ def nouns():
         "sampler": samplers.independent(sobol, 1),
         "scene": scenes.checkerboard(),
     }
-
-
-@cache
-def nowhere_right():
-    return [object(), Plain, np.full((2, 2), 1j), {2: 1}]
-
-
-# fmt: off
-@cache
-def few_wrong_things():
-    """Return what is hardly ever right."""
-    return [
-        *nowhere_right(), None, "", math.nan, -1, 0.5, True, np.zeros(0), (), [[0.1], [0.2, 0.3]],
-        nouns()["order"],
-    ]
-# fmt: on
-
-
-# fmt: off
-LONG = {
-    "analysis.search_discrepancy", "analysis.compare", "analysis.broken_promises", "analysis.pixel_means",
-    "analysis.design_samples", "analysis.minimize",
-    "analysis.optimize_scrambling", "analysis.optimize_points", "qmcjax.render_layers",
-    "qmcjax.render_adaptive", "qmcjax.boundary_gradient", "qmcjax.estimated_reference",
-    "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
-    "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",
-    "moving.analytic.__call__", "moving.varies", "moving.analytic.varies",
-    "moving.analytic.unresolved", "mitsuba.render_adaptive",
-}
-# fmt: on
-"""Programs of many operations, which are compiled for each shape: less is tried."""
-
-
-@cache
-def wrong_things():
-    """Return what may come in the place of anything: small and of few shapes, since it may be right."""
-    numbers = [-1, 0, 1, 2, 3, 2**33, 2**64, -(2**70), True, False, np.int64(2), np.uint8(3), np.bool_(True)]
-    numbers += [0.5, -0.5, 2.0, math.nan, math.inf, -math.inf, 1e300, np.float32(0.25), 1j, jnp.int32(2)]
-    texts = ["", "hash", "owen", "sobol", b"bytes", "0.5"]
-    arrays = [np.zeros(0), np.zeros((2, 2)), np.zeros((4, 2), np.int32), np.full((2, 2), np.nan), POINTS > 0]
-    arrays += [np.array(["a"]), np.array([None]), np.zeros((2, 2), complex), np.zeros((1, 1, 1, 1))]
-    arrays += [jnp.ones((2, 2)), jnp.arange(2, dtype=jnp.uint32), jax.random.key(0), jax.random.key(0)[None]]
-    plain = [None, (), (1, 2), (0.5, 0.5), ("x", "y"), [[0.1], [0.2, 0.3]], {}, {"a": 1}, {2: 1}, {0.5}]
-    plain += [Plain(), int, constant, lambda: None, math, Ellipsis, slice(2), range(2), iter(())]
-    plain += [qmc.Sobol(2), qmc.Sobol(2, rng=0).random(4), SimpleNamespace(dims=2), np.float32, "float32"]
-    return [*numbers, *texts, *arrays, *plain, *nouns().values(), *nowhere_right()]
 
 
 @cache
@@ -494,137 +412,3 @@ def right_call(qualified):
         if right and (own or not optional or name in NEVER_OMITTED):
             arguments[name] = right[0]
     return arguments
-
-
-# fmt: off
-RELATED = {
-    "analysis.filtered_error.time": "image",
-    "analysis.error_spectrum.animated": "image",
-    "qmcjax.integrate.replicates": "key", "qmcjax.render_adaptive.tolerance": "sampler",
-    "qmcjax.sequences.faure.dims": "base", "qmcjax.sequences.inverted.log_side": "net",
-    "qmcjax.sequences.korobov.n": "a", "qmcjax.sequences.sobol_matrix.polynomial": "initial",
-    "qmcjax.bridges.seeds.sampler": "other",
-    "qmcjax.scenes.ball.starts": "ends", "qmcjax.bridges.read_points.dims": "given.csv",
-    "qmcjax.bridges.source.sampler": "width", "qmcjax.bridges.source.spp": "width",
-    "qmcjax.sequences.read_matrices.base": "given.txt",
-    "qmcjax.sequences.read_matrices.max_bytes": "given.txt",
-    "qmcjax.sequences.read_lattice.n": "given_lattice.txt",
-    "qmcjax.sequences.read_lattice.max_bytes": "given_lattice.txt",
-    "qmcjax.bridges.read_points.max_bytes": "given.csv", "analysis.read_points.dims": "given.csv",
-    "analysis.read_points.max_bytes": "given.csv", "analysis.convergence.width": "reference",
-    "analysis.convergence.height": "reference|regions", "analysis.squared_min_distance.side": "points",
-    "tracing.box.low": "high", "tracing.photons.bounces": "points", "motion.approximated.end": "start",
-    "motion.linear_segments.times": "points", "motion.nurbs.control": "weights",
-    "motion.nurbs.degree": "knots|control", "motion.rotation_spline.times": "keys",
-    "trees.boxes_during.times": "start", "trees.refitted.times": "low", "trees.surface_area.low": "high",
-    "trees.triangle_distances.times": "vertices", "plot.difference.image": "reference",
-    "scrambling.scrambled.digits": "code",
-}
-# fmt: on
-"""What is right by itself may not fit to another argument, which is then the one that is named."""
-
-
-def is_named(name, message):
-    """Tell whether a message begins with what is wrong with an argument."""
-    return re.search(rf"(?<![\w.])({name})\b", re.split(r" must | got ", message)[0]) is not None
-
-
-def outcome(qualified, arguments, wrong):
-    """Call a function; return None, or how it fails other than by an error that names a wrong argument."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            result = target(qualified)(**arguments)
-            result = list(result) if isinstance(result, Iterator) else result
-    except (TypeError, ValueError) as error:
-        others = (RELATED[f"{qualified}.{name}"] for name in wrong if f"{qualified}.{name}" in RELATED)
-        if any(is_named(name, str(error)) for name in (*wrong, *others)):
-            return None
-        return f"{type(error).__name__}: {str(error)[:150]}"
-    except OSError as error:
-        return None if "path" in wrong else f"{type(error).__name__}: {error}"
-    except Exception as error:
-        return f"{type(error).__name__}: {str(error)[:150]}"
-    arrays = [leaf for leaf in jax.tree.leaves(result) if isinstance(leaf, np.ndarray | jax.Array)]
-    known = [np.asarray(a) for a in arrays if not jnp.issubdtype(a.dtype, jax.dtypes.prng_key)]
-    undefined = any(a.dtype.kind in "fc" and np.isnan(a).any() for a in known)
-    return "a result that is not a number" if undefined and "anisotropy" not in qualified else None
-
-
-def shown(arguments):
-    return ", ".join(f"{name}={qmcjax.core.checks.shown(value)}" for name, value in arguments.items())
-
-
-def places(qualified):
-    left_out = LEFT_OUT | ({"name"} if ".as_" in qualified else set())  # By what it calls its argument.
-    return [name for name in parameters(qualified) if name not in left_out]
-
-
-def wrong_for(name):
-    return [w for w in wrong_things() if not (name in FUNCTIONS and callable(w) and w is not constant)]
-
-
-def test_there_are_enough_calls():
-    assert sum(len(places(name)) for name in NAMES) * len(wrong_things()) >= CALLS
-
-
-def failures(qualified, things):
-    """Return how calls with one wrong argument end otherwise than they may."""
-    failed = []
-    for name in places(qualified):
-        for wrong in things:
-            if name in FUNCTIONS and callable(wrong) and wrong is not constant:
-                continue
-            arguments = {**right_call(qualified), name: wrong}
-            found = outcome(qualified, arguments, {name})
-            if found is not None:
-                failed.append(f"{qualified}({shown(arguments)}): {name}: {found}")
-    return failed
-
-
-def test_what_is_right_nowhere():
-    failed = [each for qualified in NAMES for each in failures(qualified, nowhere_right())]
-    assert not failed, "\n".join([f"{len(failed)} calls", *failed])
-
-
-@pytest.mark.parametrize(("error", "table"), [(ValueError, VALUES), (TypeError, TYPES)])
-def test_what_is_out_of_range_is_named(error, table):
-    """Beside the ends of ranges, by an error that begins with the argument."""
-    failed = []
-    for qualified, name, wrong in (
-        (q, n, w) for q, of in table.items() for n, all in of.items() for w in all
-    ):
-        try:
-            result = target(qualified)(**{**right_call(qualified), name: wrong})
-            found = list(result) if isinstance(result, Iterator) else result
-        except (TypeError, ValueError) as raised:
-            found = raised
-        if type(found) is not error or not is_named(name, str(found)):
-            failed.append(f"{qualified}: {name}={qmcjax.core.checks.shown(wrong)}: {found!r:.150}")
-    assert not failed, "\n".join(failed)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("qualified", NAMES)
-def test_one_wrong_argument(qualified):
-    """None of them makes a function end otherwise than it may; all that are right are taken."""
-    assert qualified == "qmcjax.pytree" or outcome(qualified, right_call(qualified), ()) is None
-    failed = failures(qualified, few_wrong_things() if qualified in LONG else wrong_things())
-    assert not failed, "\n".join([f"{len(failed)} calls", *failed])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("qualified", [name for name in NAMES if name not in LONG])
-def test_mixed_arguments(qualified):
-    """Right and wrong ones in all places."""
-    rng = random.Random(qualified)
-    for _ in range(EXAMPLES):
-        arguments, given = right_call(qualified), set()
-        for name in places(qualified):
-            right, wrong = right_things(name, qualified), wrong_for(name)
-            optional = parameters(qualified)[name].default is not inspect.Parameter.empty
-            if optional and name not in arguments and rng.random() < 0.5:
-                continue
-            arguments[name] = rng.choice(right if right and rng.random() < 0.5 else wrong)
-            given.add(name)
-        assert outcome(qualified, arguments, given) is None, shown(arguments)

@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from qmcjax.bridges._plain import pixel_points
-from qmcjax.bridges._table import BakedTable, stored
+from qmcjax.bridges._table import BakedTable, make_table
 from qmcjax.core import checks
 from qmcjax.orders import as_order
 from qmcjax.samplers import Ranked, as_sampler
@@ -64,7 +64,7 @@ def bake(
     width, height = _size(tile)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
     wanted = checks.dimensions(dims, sampler.dims)
-    bits = _checked_bits(bits)
+    bits = _check_bits(bits)
     sampler.check(width, height, spp)
     if width * height * spp * len(wanted) > MOST:
         raise ValueError(
@@ -73,20 +73,20 @@ def bake(
         )
     points = pixel_points(sampler.up_to(spp), (0, 0), (width, height), 0, spp, wanted, np.float64)
     words = (points * 2.0**32).astype(np.uint32)
-    lost = broken(words.reshape(width * height, spp, -1), bits)
+    lost = broken_strata(words.reshape(width * height, spp, -1), bits)
     if lost is not None:
         raise ValueError(f"bits must be more than {bits} for strata of {spp} samples: {lost}")
     about = (
-        f"Points of a sampler, by qmcjax: {_described(sampler)}.",
+        f"Points of a sampler, by qmcjax: {_describe(sampler)}.",
         f"Coordinates: {', '.join(map(str, wanted))} of the sampler's.",
         _of_tile(words, bits),
     )
-    return stored(words, bits, True, about)
+    return make_table(words, bits, True, about)
 
 
 def _of_tile(words: NDArray[np.uint32], bits: int) -> str:
     """Return a note on the strata of all points together."""
-    lost = broken(words.reshape(1, -1, words.shape[-1]), bits)
+    lost = broken_strata(words.reshape(1, -1, words.shape[-1]), bits)
     if lost is None:
         return "All points together keep their elementary intervals."
     return f"Finer than {bits} bits are all points together: {lost}."
@@ -120,9 +120,9 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
     outside = ~((known >= 0) & (known < 1))
     if outside.any():
         raise ValueError(f"mask must be in [0, 1), got {known[outside][0]}")
-    bits = _checked_bits(bits)
+    bits = _check_bits(bits)
     words = (known.reshape(*known.shape[:2], 1, -1) * 2.0**32).astype(np.uint32)
-    return stored(words, bits, True, ("A mask, by qmcjax.", _of_tile(words, bits)))
+    return make_table(words, bits, True, ("A mask, by qmcjax.", _of_tile(words, bits)))
 
 
 def bake_order(order: Any) -> BakedTable:
@@ -152,7 +152,7 @@ def bake_order(order: Any) -> BakedTable:
     y, x = np.mgrid[: order.height, : order.width].astype(np.uint32)
     positions = np.asarray(order.position(x, y))[..., None, None]
     bits = next(bits for bits in (8, 16, 32) if order.length <= 2**bits)
-    return stored(positions, bits, False, (f"Positions of pixels, by qmcjax: {_described(order)}.",))
+    return make_table(positions, bits, False, (f"Positions of pixels, by qmcjax: {_describe(order)}.",))
 
 
 def bake_matrices(sequence: Any) -> BakedTable:
@@ -180,10 +180,10 @@ def bake_matrices(sequence: Any) -> BakedTable:
     if not isinstance(sequence, BinarySequence) or matrices is None:
         raise TypeError(f"sequence must be a digital sequence in base 2, got {checks.shown(sequence)}")
     about = (
-        f"Generator matrices, by qmcjax: {_described(sequence)}.",
+        f"Generator matrices, by qmcjax: {_describe(sequence)}.",
         "Value k of sample j is column k of matrix j, its first row in bit 31.",
     )
-    return stored(np.asarray(matrices)[None, None], 32, False, about)
+    return make_table(np.asarray(matrices)[None, None], 32, False, about)
 
 
 def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
@@ -222,14 +222,14 @@ def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
     keys = np.concatenate([ranks[..., None], scrambles >> np.uint32(16)], axis=-1)
     count = 1 << int(max(ranks.max(), spp - 1)).bit_length()
     words = np.asarray(sampler.sequence.bits(np.arange(count, dtype=np.uint32))) >> np.uint32(16)
-    made = f"by qmcjax: {_described(sampler)}."
+    made = f"by qmcjax: {_describe(sampler)}."
     return (
-        stored(keys[:, :, None, :], 16, False, (f"A ranking key and scrambling keys, {made}",)),
-        stored(words[None, None], 16, False, (f"Points of the sequence of ranked samples, {made}",)),
+        make_table(keys[:, :, None, :], 16, False, (f"A ranking key and scrambling keys, {made}",)),
+        make_table(words[None, None], 16, False, (f"Points of the sequence of ranked samples, {made}",)),
     )
 
 
-def _described(noun: Any) -> str:
+def _describe(noun: Any) -> str:
     """Return a description of an object for a file: its repr if that is one line."""
     text = repr(noun)
     return checks.shown(noun) if "\n" in text or len(text) > _LONGEST else text
@@ -244,7 +244,7 @@ def _size(tile: Iterable[int]) -> tuple[int, int]:
     return checks.integer("tile", width, 1, most), checks.integer("tile", height, 1, most)
 
 
-def _checked_bits(bits: int) -> int:
+def _check_bits(bits: int) -> int:
     if checks.integer("bits", bits, 8, 32) not in _BITS:
         raise ValueError(f"bits must be one of {_BITS}, got {bits}")
     return int(bits)
@@ -269,7 +269,7 @@ def _length(log: int) -> str:
     return f"1/{2**log}" if log else "1"
 
 
-def broken(words: NDArray[np.uint32], bits: int) -> Broken | None:
+def broken_strata(words: NDArray[np.uint32], bits: int) -> Broken | None:
     """Return the boxes that lose most if only the leading bits of coordinates are kept.
 
     ``words``: uint32 array, shape (sets, n, dims): 32-bit fractions. Boxes have volume 2**-m, where 2**m is

@@ -60,7 +60,7 @@ class PlainSampler:
         self._limits = limits
         self._sides = min(tile, limits[0]), min(tile, limits[1]), min(_SAMPLES, limits[2])
         coordinates = int(np.prod(self._sides)) * self.dims
-        self._table = lru_cache(max(1, _KEPT // coordinates))(self._made)
+        self._table = lru_cache(max(1, _KEPT // coordinates))(self._make_table)
         self._point: list[float] = []
         self._next = 0
 
@@ -78,7 +78,7 @@ class PlainSampler:
         sample : int
             Its index.
         """
-        x, y, sample = self._checked(pixel, sample)
+        x, y, sample = self._check(pixel, sample)
         width, height, count = self._sides
         table, left, top, first = self._table(x // width, y // height, sample // count)
         self._point = table[y - top, x - left, sample - first].tolist()
@@ -96,7 +96,7 @@ class PlainSampler:
         ValueError
             Before :meth:`start`, or if the sampler has no more coordinates.
         """
-        return self._taken(1)[0]
+        return self._take(1)[0]
 
     def get2d(self) -> tuple[float, float]:
         """Return the next two coordinates of the sample; the first two are the position inside the pixel.
@@ -110,7 +110,7 @@ class PlainSampler:
         ValueError
             Before :meth:`start`, or if the sampler has fewer than two more coordinates.
         """
-        u, v = self._taken(2)
+        u, v = self._take(2)
         return u, v
 
     def array(self, width: int, height: int, spp: int, dims: tuple[int, ...] | None = None) -> NDArray:
@@ -134,7 +134,7 @@ class PlainSampler:
         self.sampler.check(width, height, spp)
         return pixel_points(self.sampler.up_to(spp), (0, 0), (width, height), 0, spp, wanted, self.dtype)
 
-    def _checked(self, pixel: Any, sample: Any) -> tuple[int, int, int]:
+    def _check(self, pixel: Any, sample: Any) -> tuple[int, int, int]:
         try:
             x, y = pixel
         except (TypeError, ValueError):
@@ -149,7 +149,7 @@ class PlainSampler:
             checks.integer("sample", sample, 0, samples - 1),
         )
 
-    def _made(self, *place: int) -> tuple[NDArray, int, int, int]:
+    def _make_table(self, *place: int) -> tuple[NDArray, int, int, int]:
         """Return a table and its start: the last ones start early enough to be as large as the others."""
         sizes = zip(place, self._sides, self._limits, strict=True)
         x, y, first = (min(k * side, limit - side) for k, side, limit in sizes)
@@ -157,7 +157,7 @@ class PlainSampler:
         made = pixel_points(self.sampler, (x, y), (width, height), first, count, self._all, self.dtype)
         return made, x, y, first
 
-    def _taken(self, count: int) -> list[float]:
+    def _take(self, count: int) -> list[float]:
         end = self._next + count
         if end > len(self._point):
             if not self._point:

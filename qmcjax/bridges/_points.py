@@ -180,7 +180,7 @@ def read_points(
     try:
         sets = _sets(path, header, dims, max_bytes)
         place = _place(which, list(sets), path)
-        return _checked(sets[place], dims)
+        return _check(sets[place], dims)
     except ValueError as error:
         raise ValueError(f"{path}, {error}") from None
 
@@ -230,7 +230,7 @@ def _binary(data: bytes, dims: int) -> list[NDArray]:
     return sets
 
 
-def _checked(points: NDArray, dims: int | None) -> NDArray[np.float64]:
+def _check(points: NDArray, dims: int | None) -> NDArray[np.float64]:
     if points.dtype.kind != "f" or points.dtype.itemsize > 8 or points.ndim != 2 or not points.size:
         raise ValueError(f"must hold floats of shape (n, dims), got {points.dtype} {points.shape}")
     if dims is not None and points.shape[1] != dims:
@@ -271,7 +271,7 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     if known.dtype.kind != "f":  # such as bfloat16
         known = known.astype(np.float64)
     try:
-        exact = _checked(known, None)
+        exact = _check(known, None)
     except ValueError as error:
         raise ValueError(f"points: {error}") from None
     if suffix == ".npy":

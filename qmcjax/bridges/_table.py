@@ -298,7 +298,7 @@ def _arrangement(layout: Layout) -> str:
     )
 
 
-def stored(values: NDArray[np.uint32], bits: int, fractions: bool, about: tuple[str, ...]) -> BakedTable:
+def make_table(values: NDArray[np.uint32], bits: int, fractions: bool, about: tuple[str, ...]) -> BakedTable:
     """Return the table of the leading bits of 32-bit fractions, or of integers below 2**bits."""
     if fractions:
         values = values >> np.uint32(32 - bits)

@@ -125,12 +125,12 @@ def test_a_seed_is_told_or_refused():
     for side, width, height in ((4, 5, 3), (2, 8, 8), (32, 3, 3)):
         count = -(-width // side) * -(-height // side)
         blocks = pixels.Blocks(pixels.Window(width, height, 0, 0), np.zeros((count, 2), np.int64), side)
-        numbers = [blocks.found(seed) for seed in range(count * side**2)]
+        numbers = [blocks.locate(seed) for seed in range(count * side**2)]
         assert numbers == [(b, i) for b in range(count) for i in range(side**2)]
         for seed in (1, 2, 7):
             with pytest.raises(ValueError, match="seed must be 0 in scalar variants"):
                 for number in range(count * side**2):
-                    blocks.found(seed * width * height + number)
+                    blocks.locate(seed * width * height + number)
     assert pixels.block_side(pixels.Window(64, 33, 0, 0), 4, 0) == 32
     assert pixels.block_side(pixels.Window(64, 32, 0, 0), 4, 0) == 16
     assert pixels.block_side(pixels.Window(64, 32, 0, 0), 4, 8) == 8

@@ -11,9 +11,9 @@ from refusals import refused
 
 from qmcjax.bridges._source import Compute, Repeat, read
 from qmcjax.bridges._source._builder import Builder
-from qmcjax.bridges._source._lower import lowered
+from qmcjax.bridges._source._lower import lower
 from qmcjax.bridges._source._operations import FOLDED
-from qmcjax.bridges._source._read import finished, inputs_of, reader_of
+from qmcjax.bridges._source._read import inputs_of, program_of, reader_of
 
 
 def evaluated(program, *inputs):
@@ -190,7 +190,7 @@ WIDE = {
 def test_words_are_what_64_bits_are(name):
     x, y = of_all_sizes(20000)
     program = read(in_64(WIDE[name]), U, U)
-    words = lowered(program)
+    words = lower(program)
     assert all(value.dtype.itemsize == 4 or value.dtype == bool for value in words.computed())
     for wide, narrow in zip(evaluated(program, x, y), evaluated(words, x, y), strict=True):
         assert np.array_equal(wide, narrow)
@@ -236,7 +236,7 @@ def read_changed(function, change=lambda name, params: name, close=True):
     builder = Builder()
     inputs = inputs_of(builder, [var.aval for var in closed.jaxpr.invars])
     outputs = reader_of(builder).read(changed(closed, change, close), inputs)
-    return finished(builder, [entries[()] for entries in inputs], outputs)
+    return program_of(builder, [entries[()] for entries in inputs], outputs)
 
 
 def without(*gone):

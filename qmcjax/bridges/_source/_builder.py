@@ -46,7 +46,7 @@ class Builder:
     def constant(self, scalar: Any, dtype: np.dtype | None = None) -> Value:
         """Return a known scalar, 8 and 16 bits as 32."""
         known = np.asarray(scalar)
-        dtype = widened(known.dtype) if dtype is None else dtype
+        dtype = widen(known.dtype) if dtype is None else dtype
         return self._new("constant", dtype, (), known.astype(dtype)[()])
 
     def input(self, number: int, dtype: np.dtype) -> Value:
@@ -83,7 +83,7 @@ class Builder:
         """Return an equal value that is simpler, if one is known."""
         first, last = arguments[0], arguments[-1]
         if kind in ("min", "max") or (kind in COMPARISONS and kind not in ("eq", "ne")):
-            return self._decided(kind, first, last)
+            return self._decide(kind, first, last)
         if kind == "not":
             return first.arguments[0] if first.kind == "not" else None
         if len(arguments) == 2 and first is last and dtype.kind in "iu":
@@ -130,7 +130,7 @@ class Builder:
             return last if bounds is not None and bounds[0] >= 0 else None
         return first if kind == "add" and last.detail == 0 and (interval(first) or (-1,))[0] >= 0 else None
 
-    def _decided(self, kind: str, first: Value, last: Value) -> Value | None:
+    def _decide(self, kind: str, first: Value, last: Value) -> Value | None:
         """Return a comparison, minimum or maximum that ranges decide."""
         a, b = interval(first), interval(last)
         if a is None or b is None:
@@ -168,8 +168,8 @@ class Builder:
         Integers of 8 and 16 bits are those of 32; the caller wraps integers that are too large for them.
         """
         if value.dtype.kind == "f" and dtype.kind in "iu":
-            return self._truncated(value, dtype)
-        dtype = widened(dtype)
+            return self._truncate(value, dtype)
+        dtype = widen(dtype)
         if value.dtype == dtype:
             return value
         if dtype == BOOL:
@@ -184,12 +184,12 @@ class Builder:
             return self.select(value, self.constant(1, dtype), self.constant(0, dtype))
         return self._new("convert", dtype, (value,))
 
-    def _truncated(self, value: Value, dtype: np.dtype) -> Value:
+    def _truncate(self, value: Value, dtype: np.dtype) -> Value:
         """Return a float as an integer, of which XLA says: NaN becomes 0, and others saturate.
 
         Nothing of this is computed for floats in range.
         """
-        limits, real, wide = np.iinfo(dtype), value.dtype, widened(dtype)
+        limits, real, wide = np.iinfo(dtype), value.dtype, widen(dtype)
         end = real.type(limits.max)
         last = end if int(end) <= limits.max else np.nextafter(end, real.type(0))
         if may_be_nan(value):
@@ -211,7 +211,7 @@ class Builder:
             return self.convert(value, dtype)
         return self._new("bitcast", dtype, (value,))
 
-    def divided(self, kind: str, first: Value, last: Value) -> Value:
+    def divide(self, kind: str, first: Value, last: Value) -> Value:
         """Return a quotient or remainder of integers as in XLA, where divisors may be 0."""
         zero, one = self.constant(0, first.dtype), self.constant(1, first.dtype)
         ones = ~zero
@@ -230,7 +230,7 @@ class Builder:
             quotient = first.apply(kind, safe)
         return self.select(is_zero, by_zero, quotient)
 
-    def shifted(self, kind: str, first: Value, by: Value) -> Value:
+    def shift(self, kind: str, first: Value, by: Value) -> Value:
         """Return a shift by any number: by too many it is 0, or the sign."""
         bits = 8 * first.dtype.itemsize
         bounds = interval(by)
@@ -249,22 +249,22 @@ class Builder:
         if np.all(entries == entries[0]) and entries.dtype.kind != "f":
             return self.constant(entries[0])
         if len(entries) <= TINY:
-            return self.chosen([self.constant(entry) for entry in entries], index)
+            return self.choose([self.constant(entry) for entry in entries], index)
         if entries.dtype == BOOL:
             return self.convert(self.load(entries.astype(np.uint8), index), BOOL)
         known = entries.dtype.str, entries.tobytes()
         table = self._tables.setdefault(known, Table(entries))
-        return self._new("load", widened(entries.dtype), (index,), table)
+        return self._new("load", widen(entries.dtype), (index,), table)
 
-    def chosen(self, values: list[Value], index: Value) -> Value:
+    def choose(self, values: list[Value], index: Value) -> Value:
         """Return one of a few values, at a uint32 index below their number."""
         if len(values) == 1:
             return values[0]
         middle = 1 << ((len(values) - 1).bit_length() - 1)
         before, rest = index < middle, index - middle
-        return self.select(before, self.chosen(values[:middle], index), self.chosen(values[middle:], rest))
+        return self.select(before, self.choose(values[:middle], index), self.choose(values[middle:], rest))
 
 
-def widened(dtype: np.dtype) -> np.dtype:
+def widen(dtype: np.dtype) -> np.dtype:
     """Return the dtype of values for integers of 8 and 16 bits, and other dtypes themselves."""
     return np.dtype(f"{dtype.kind}4") if dtype.kind in "iu" and dtype.itemsize < 4 else dtype

@@ -9,10 +9,10 @@ from jax.lax import GatherScatterMode
 from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import BOOL, UINT, Value
-from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lift
 
 
-def _moved(move: Callable[..., Entries], *names: str) -> Rule:
+def _move(move: Callable[..., Entries], *names: str) -> Rule:
     """Return the rule for a move of the entries of one array, given parameters with these names."""
 
     def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -39,12 +39,12 @@ def _broadcast(reader: Reader, equation: Equation, given: list[Entries]) -> Sequ
 
 
 def _concatenate(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    arrays = [lifted(reader.builder, entries) for entries in given]
+    arrays = [lift(reader.builder, entries) for entries in given]
     return [np.concatenate(arrays, equation.params["dimension"])]
 
 
 def _stack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    return [np.stack([lifted(reader.builder, entries) for entries in given], equation.params["axis"])]
+    return [np.stack([lift(reader.builder, entries) for entries in given], equation.params["axis"])]
 
 
 def _unstack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -59,7 +59,7 @@ def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 
 
 def _pad(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    entries, filling = (lifted(reader.builder, array) for array in given)
+    entries, filling = (lift(reader.builder, array) for array in given)
     made = np.full(equation.made[0].shape, filling[()], object)
     for place in np.ndindex(entries.shape):
         config = equation.params["padding_config"]
@@ -102,10 +102,10 @@ def _entry(builder: Builder, entries: Entries, place: Sequence[Value]) -> Value:
         return entries.ravel()[int(flat.detail)]
     if entries.size > MOST_SELECTED:
         raise Untranslatable(f"an array of {entries.size} values that vary, at a place that varies")
-    return builder.chosen(list(entries.ravel()), flat)
+    return builder.choose(list(entries.ravel()), flat)
 
 
-def _clamped(
+def _clamp_place(
     builder: Builder, shape: Any, starts: dict[int, Value], sizes: dict[int, int], offsets: dict[int, int]
 ) -> tuple[list[Value], Value]:
     """Return the place at offsets from clamped starts, by axis, and whether none was clamped."""
@@ -132,13 +132,13 @@ def _dynamic_slice(reader: Reader, equation: Equation, given: list[Entries]) -> 
 
 def _starts(reader: Reader, given: list[Entries], shape: Any, sizes: Any) -> list[Value]:
     return [
-        clamp(lifted(reader.builder, index)[()], whole - size)
+        clamp(lift(reader.builder, index)[()], whole - size)
         for index, whole, size in zip(given, shape, sizes, strict=True)
     ]
 
 
 def _dynamic_update_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    made, update = (lifted(reader.builder, entries).copy() for entries in given[:2])
+    made, update = (lift(reader.builder, entries).copy() for entries in given[:2])
     starts = _starts(reader, given[2:], made.shape, update.shape)
     for offset in np.ndindex(update.shape):
         place = [start + by for start, by in zip(starts, offset, strict=True)]
@@ -163,7 +163,7 @@ def _replace(
 def _gather(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder = reader.builder
     entries, indices = given
-    indices = lifted(builder, indices)
+    indices = lift(builder, indices)
     numbers, sizes = equation.params["dimension_numbers"], dict(enumerate(equation.params["slice_sizes"]))
     out = equation.made[0]
     batching = list(zip(numbers.operand_batching_dims, numbers.start_indices_batching_dims, strict=True))
@@ -176,7 +176,7 @@ def _gather(reader: Reader, equation: Equation, given: list[Entries]) -> Sequenc
         offsets = dict(zip(free, (at[axis] for axis in numbers.offset_dims), strict=True))
         offsets |= {axis: batch[number] for axis, number in batching}
         starts = dict(zip(numbers.start_index_map, indices[batch], strict=True))
-        place, valid = _clamped(builder, entries.shape, starts, sizes, offsets)
+        place, valid = _clamp_place(builder, entries.shape, starts, sizes, offsets)
         value = _entry(builder, entries, place)
         made[at] = builder.select(valid, value, builder.constant(filling, value.dtype)) if fills else value
     return [made]
@@ -194,7 +194,7 @@ def _filling(equation: Equation) -> Any:
 
 def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder = reader.builder
-    made, indices, updates = (lifted(builder, entries).copy() for entries in given)
+    made, indices, updates = (lift(builder, entries).copy() for entries in given)
     numbers = equation.params["dimension_numbers"]
     if numbers.operand_batching_dims:
         raise Untranslatable("with batches")
@@ -206,7 +206,7 @@ def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
         batch = tuple(i for axis, i in enumerate(at) if axis not in numbers.update_window_dims)
         offsets = dict(zip(free, (at[axis] for axis in numbers.update_window_dims), strict=True))
         starts = dict(zip(numbers.scatter_dims_to_operand_dims, indices[batch], strict=True))
-        place, valid = _clamped(builder, made.shape, starts, sizes, offsets)
+        place, valid = _clamp_place(builder, made.shape, starts, sizes, offsets)
         value = updates[at]
         if equation.name == "scatter-add":
             value = _entry(builder, made, place) + value
@@ -225,12 +225,12 @@ def entry_at(reader: Reader, entries: Entries, number: Value) -> Entries:
 
 
 RULES: dict[str, Rule] = {
-    "reshape": _moved(lambda entries: entries),
-    "squeeze": _moved(lambda entries, _: entries, "dimensions"),
-    "slice": _moved(_slice, "start_indices", "limit_indices", "strides"),
-    "transpose": _moved(np.transpose, "permutation"),
-    "rev": _moved(np.flip, "dimensions"),
-    "tile": _moved(np.tile, "reps"),
+    "reshape": _move(lambda entries: entries),
+    "squeeze": _move(lambda entries, _: entries, "dimensions"),
+    "slice": _move(_slice, "start_indices", "limit_indices", "strides"),
+    "transpose": _move(np.transpose, "permutation"),
+    "rev": _move(np.flip, "dimensions"),
+    "tile": _move(np.tile, "reps"),
     "broadcast_in_dim": _broadcast,
     "concatenate": _concatenate,
     "stack": _stack,

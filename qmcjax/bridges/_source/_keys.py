@@ -9,7 +9,7 @@ import numpy as np
 
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._program import UINT, Value
-from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, as_keys, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, as_keys, lift
 
 _ROTATIONS = (13, 15, 26, 6), (17, 29, 16, 24)
 
@@ -27,9 +27,9 @@ def _threefry(k1: Value, k2: Value, x1: Value, x2: Value) -> tuple[Value, Value]
     return x1, x2
 
 
-def _hashed(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entries:
+def _hash(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entries:
     """Return the two words, on a first axis, that keys make of counters of two words."""
-    keys, high, low = np.broadcast_arrays(keys, *(lifted(reader.builder, words) for words in (high, low)))
+    keys, high, low = np.broadcast_arrays(keys, *(lift(reader.builder, words) for words in (high, low)))
     made = np.empty((2, *keys.shape), object)
     for place in np.ndindex(keys.shape):
         entries: Any = keys[place], high[place], low[place]
@@ -46,7 +46,7 @@ def _blocks(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
     """Return two words for each counter of a shape."""
     counters = np.arange(np.prod(shape, dtype=int), dtype=np.uint64).reshape(shape)
     keys = keys.reshape(*keys.shape, *(1 for _ in shape))
-    return _hashed(reader, keys, (counters >> np.uint64(32)).astype(np.uint32), counters.astype(np.uint32))
+    return _hash(reader, keys, (counters >> np.uint64(32)).astype(np.uint32), counters.astype(np.uint32))
 
 
 def _halves(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
@@ -54,14 +54,14 @@ def _halves(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
     count = int(np.prod(shape))
     counters = np.arange(count + count % 2, dtype=np.uint32)
     counters[count:] = 0
-    made = _hashed(reader, keys[..., None], *np.split(counters, 2))
+    made = _hash(reader, keys[..., None], *np.split(counters, 2))
     return np.concatenate(list(made), -1)[..., :count].reshape(*keys.shape, *shape)
 
 
-def _encrypted(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+def _encrypt(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     del equation
-    k1, k2, high, low = (lifted(reader.builder, entries) for entries in given)
-    return list(_hashed(reader, as_keys(np.stack(np.broadcast_arrays(k1, k2), -1)), high, low))
+    k1, k2, high, low = (lift(reader.builder, entries) for entries in given)
+    return list(_hash(reader, as_keys(np.stack(np.broadcast_arrays(k1, k2), -1)), high, low))
 
 
 def _implementation(dtype: Any) -> None:
@@ -84,7 +84,7 @@ def _bits(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
 def _fold_in(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     _implementation(equation.given[0].dtype)
     low = reader.map(lambda value: reader.builder.convert(value, UINT), UINT, given[1])
-    return [as_keys(np.moveaxis(_hashed(reader, given[0], np.zeros_like(low, np.uint32), low), 0, -1))]
+    return [as_keys(np.moveaxis(_hash(reader, given[0], np.zeros_like(low, np.uint32), low), 0, -1))]
 
 
 def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -97,7 +97,7 @@ def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 
 def _wrap(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     _implementation(equation.made[0].dtype)
-    return [as_keys(lifted(reader.builder, given[0]))]
+    return [as_keys(lift(reader.builder, given[0]))]
 
 
 def _unwrap(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -114,7 +114,7 @@ def _seed(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
 
 
 RULES: dict[str, Rule] = {
-    "threefry2x32": _encrypted,
+    "threefry2x32": _encrypt,
     "random_bits": _bits,
     "random_fold_in": _fold_in,
     "random_split": _split,

@@ -16,8 +16,8 @@ from qmcjax.bridges._source._reader import (
     Reader,
     Rule,
     as_keys,
-    lifted,
-    opened,
+    lift,
+    open_jaxpr,
     words,
 )
 
@@ -25,7 +25,7 @@ UNROLLED = 512
 """Largest number of equations that an unrolled loop may have in all."""
 
 
-def _inlined(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
+def _inline(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     name = next((name for name in equation.params if name in ("jaxpr", "fun_jaxpr")), "call_jaxpr")
     return reader.read(equation.params[name], given)
 
@@ -33,11 +33,11 @@ def _inlined(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
 def _conditional(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     """Compute all branches, and select: they have no effects."""
     builder, branches = reader.builder, equation.params["branches"]
-    which = lifted(builder, given[0])[()]
+    which = lift(builder, given[0])[()]
     which = clamp(which, len(branches) - 1)
     results = [reader.read(branch, given[1:]) for branch in branches]
     return [
-        reader.map(lambda *cases: builder.chosen(list(cases), which), aval.dtype, *each)
+        reader.map(lambda *cases: builder.choose(list(cases), which), aval.dtype, *each)
         for aval, each in zip(equation.made, zip(*results, strict=True), strict=True)
     ]
 
@@ -49,7 +49,7 @@ class _Carry:
         builder = reader.builder
         self.initial, self.unchanged = initial, unchanged
         self.lifted = [
-            entries if same else lifted(builder, entries)
+            entries if same else lift(builder, entries)
             for entries, same in zip(initial, unchanged, strict=True)
         ]
         flat = self.flat(self.lifted)
@@ -86,15 +86,15 @@ def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
     """Arguments are what the condition uses, what the body uses, and what the loop changes."""
     builder, test, body = reader.builder, equation.params["cond_jaxpr"], equation.params["body_jaxpr"]
     changing = len(equation.made)
-    of_condition = len(opened(test).invars) - changing
+    of_condition = len(open_jaxpr(test).invars) - changing
     outside, initial = given[:-changing], given[-changing:]
     unchanged = _unchanged(body, changing)
     carry = _Carry(reader, initial, unchanged, outside)
     before = carry.arrays(carry.loop.variables[:-1])
     condition = reader.read(test, [*outside[:of_condition], *before])[0]
-    carry.loop.condition = lifted(builder, condition)[()]
+    carry.loop.condition = lift(builder, condition)[()]
     after = reader.read(body, [*outside[of_condition:], *before])
-    after = [lifted(builder, entries) for entries in after]
+    after = [lift(builder, entries) for entries in after]
     carry.loop.following = [*carry.flat(after), carry.loop.variables[-1]]
     return carry.arrays(builder.results(carry.loop)[:-1])
 
@@ -102,13 +102,13 @@ def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     """Arguments are what the body uses, what the loop changes, and rows, with one more axis than inside."""
     length, body = equation.params["length"], equation.params["jaxpr"]
-    stacked = _longer(equation.made, opened(body).outvars)
+    stacked = _longer(equation.made, open_jaxpr(body).outvars)
     carries = len(equation.made) - stacked
-    scanned = len(given) - _longer(equation.given, opened(body).invars)
+    scanned = len(given) - _longer(equation.given, open_jaxpr(body).invars)
     outside, initial, rows = given[: scanned - carries], given[scanned - carries : scanned], given[scanned:]
     size = length * _equations(body)
     if size <= UNROLLED or (stacked and length <= UNROLLED):
-        return _unrolled(reader, equation, outside, initial, rows)
+        return _unroll(reader, equation, outside, initial, rows)
     if stacked:
         raise Untranslatable(f"a loop that stacks {length} results")
     builder = reader.builder
@@ -117,12 +117,12 @@ def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
     carry.loop.condition = counter < length
     number = length - 1 - counter if equation.params["reverse"] else counter
     arguments = [*outside, *carry.arrays(variables), *(entry_at(reader, row, number) for row in rows)]
-    after = [lifted(builder, entries) for entries in reader.read(body, arguments)]
+    after = [lift(builder, entries) for entries in reader.read(body, arguments)]
     carry.loop.following = [*carry.flat(after), counter + 1]
     return carry.arrays(builder.results(carry.loop)[:-1])
 
 
-def _unrolled(
+def _unroll(
     reader: Reader, equation: Equation, outside: list[Entries], carried: list[Entries], rows: list[Entries]
 ) -> Sequence[Entries]:
     params, count = equation.params, len(carried)
@@ -132,7 +132,7 @@ def _unrolled(
         row = [np.asarray(entries[step]) for entries in rows]
         results = reader.read(params["jaxpr"], [*outside, *carried, *row])
         carried = list(results[:count])
-        stacked.append([lifted(reader.builder, entries) for entries in results[count:]])
+        stacked.append([lift(reader.builder, entries) for entries in results[count:]])
     if params["reverse"]:
         stacked.reverse()
     if not stacked:
@@ -142,8 +142,10 @@ def _unrolled(
 
 def _equations(jaxpr: Any) -> int:
     """Return the number of equations of a jaxpr, those inside others included."""
-    inner = (value for equation in opened(jaxpr).eqns for value in equation.params.values())
-    return len(opened(jaxpr).eqns) + sum(_equations(each) for each in inner if hasattr(opened(each), "eqns"))
+    inner = (value for equation in open_jaxpr(jaxpr).eqns for value in equation.params.values())
+    return len(open_jaxpr(jaxpr).eqns) + sum(
+        _equations(each) for each in inner if hasattr(open_jaxpr(each), "eqns")
+    )
 
 
 def _longer(outside: Sequence[Any], inside: Sequence[Any]) -> int:
@@ -153,13 +155,13 @@ def _longer(outside: Sequence[Any], inside: Sequence[Any]) -> int:
 
 def _unchanged(body: Any, count: int, last: int = 0) -> list[bool]:
     """Return which of the arrays that a loop carries its body hands on; ``last`` inputs come behind them."""
-    jaxpr = opened(body)
+    jaxpr = open_jaxpr(body)
     inputs = jaxpr.invars[len(jaxpr.invars) - last - count :]
     return [a is b for a, b in zip(inputs[:count], jaxpr.outvars, strict=False)]
 
 
 RULES: dict[str, Rule] = {
-    **dict.fromkeys(CALLS, _inlined),
+    **dict.fromkeys(CALLS, _inline),
     "cond": _conditional,
     "while": _while,
     "scan": _scan,

@@ -19,7 +19,7 @@ from qmcjax.bridges._source._program import (
     Repeat,
     Statement,
     Value,
-    scheduled,
+    schedule,
 )
 from qmcjax.bridges._source._words import Floats, Pair, Words
 
@@ -27,12 +27,12 @@ Lowered: TypeAlias = Value | Pair
 """What stands for a value: a pair of words for one of 64 bits."""
 
 
-def lowered(program: Program) -> Program:
+def lower(program: Program) -> Program:
     """Return a program of the same inputs and outputs, which have 32 bits, without values of 64 bits."""
     if all(value.dtype.itemsize < 8 for value in program.computed()):
         return program
     lowering = _Lowering(program)
-    return scheduled(lowering.inputs, [lowering.one(value) for value in program.outputs])
+    return schedule(lowering.inputs, [lowering.one(value) for value in program.outputs])
 
 
 class _Lowering:
@@ -84,14 +84,14 @@ class _Lowering:
         if not wide:
             return self._same(value, [self.one(argument) for argument in value.arguments])
         if value.kind == "load":
-            return self._loaded(value)
+            return self._load(value)
         if value.kind == "select":
             condition, if_true, if_false = value.arguments
             return self.words.choose(self.one(condition), self.two(if_true), self.two(if_false))
         if value.kind == "bitcast":
             return self.two(value.arguments[0])
         if value.kind == "convert":
-            return self._converted(value.arguments[0], value.dtype) or self._refuse(value)
+            return self._convert(value.arguments[0], value.dtype) or self._refuse(value)
         operate = self._of_floats if value.arguments[0].dtype == DOUBLE else self._of_integers
         found = operate(value) if value.arguments[0].dtype in (DOUBLE, ULONG) else None
         return found if found is not None else self._refuse(value)
@@ -114,13 +114,13 @@ class _Lowering:
             return self.builder.bitcast(given[0], value.dtype)
         return self.builder.apply(value.kind, *given)
 
-    def _loaded(self, value: Value) -> Pair:
+    def _load(self, value: Value) -> Pair:
         entries = value.detail.entries.view(np.uint64)
         index = self.one(value.arguments[0])
         upper, lower = (part.astype(np.uint32) for part in (entries >> np.uint64(32), entries))
         return self.builder.load(upper, index), self.builder.load(lower, index)
 
-    def _converted(self, value: Value, dtype: np.dtype) -> Lowered | None:
+    def _convert(self, value: Value, dtype: np.dtype) -> Lowered | None:
         builder, words, floats = self.builder, self.words, self.floats
         before = value.dtype
         if before == DOUBLE:

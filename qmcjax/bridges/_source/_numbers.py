@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from qmcjax.bridges._source._builder import widened
+from qmcjax.bridges._source._builder import widen
 from qmcjax.bridges._source._errors import Untranslatable
 from qmcjax.bridges._source._operations import FUNCTIONS
 from qmcjax.bridges._source._program import UINT, Value
-from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lifted
+from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lift
 
 
 def _of_entries(make: Callable[..., Value], *names: str) -> Rule:
@@ -47,7 +47,7 @@ def _select_n(reader: Reader, equation: Equation, given: list[Entries]) -> Seque
     def choose(which: Value, *cases: Value) -> Value:
         if which.dtype.kind == "b":
             return builder.select(which, cases[1], cases[0])
-        return builder.chosen(list(cases), builder.convert(which.apply("min", len(cases) - 1), UINT))
+        return builder.choose(list(cases), builder.convert(which.apply("min", len(cases) - 1), UINT))
 
     return [reader.map(choose, equation.made[0].dtype, *given)]
 
@@ -128,9 +128,9 @@ def _reduction(kind: str) -> Rule:
 
     def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
         axes = tuple(equation.params["axes"])
-        entries = np.moveaxis(lifted(reader.builder, given[0]), axes, range(len(axes)))
+        entries = np.moveaxis(lift(reader.builder, given[0]), axes, range(len(axes)))
         flat = entries.reshape(-1, *entries.shape[len(axes) :])
-        return [reduce(partial(_combined, reader, equation, kind), map(np.asarray, flat))]
+        return [reduce(partial(_combine, reader, equation, kind), map(np.asarray, flat))]
 
     return apply
 
@@ -140,22 +140,22 @@ def _cumulative(kind: str) -> Rule:
 
     def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
         axis, step = equation.params["axis"], -1 if equation.params["reverse"] else 1
-        entries = np.moveaxis(lifted(reader.builder, given[0]), axis, 0)[::step]
-        combined = partial(_combined, reader, equation, kind)
+        entries = np.moveaxis(lift(reader.builder, given[0]), axis, 0)[::step]
+        combined = partial(_combine, reader, equation, kind)
         made = list(accumulate((np.asarray(entry) for entry in entries), combined))
         return [np.moveaxis(np.stack(made)[::step], 0, axis)]
 
     return apply
 
 
-def _combined(reader: Reader, equation: Equation, kind: str, one: Entries, other: Entries) -> Entries:
+def _combine(reader: Reader, equation: Equation, kind: str, one: Entries, other: Entries) -> Entries:
     return reader.map(lambda a, b: a.apply(kind, b), equation.made[0].dtype, one, other)
 
 
 def _dot(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     builder, dtype = reader.builder, equation.made[0].dtype
     (left, right), (left_batch, right_batch) = equation.params["dimension_numbers"]
-    a, b = (lifted(builder, entries) for entries in given)
+    a, b = (lift(builder, entries) for entries in given)
     a = np.moveaxis(a, (*left_batch, *left), (*range(len(left_batch)), *range(a.ndim - len(left), a.ndim)))
     b = np.moveaxis(b, (*right_batch, *right), range(len(right_batch) + len(right)))
     batch, inner = a.shape[: len(left_batch)], a.shape[a.ndim - len(left) :]
@@ -163,7 +163,7 @@ def _dot(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[E
     many, sizes = int(np.prod(batch)), (int(np.prod(free_a)), int(np.prod(inner)), int(np.prod(free_b)))
     a, b = a.reshape(many, *sizes[:2]), b.reshape(many, *sizes[1:])
     made = np.empty((many, sizes[0], sizes[2]), object)
-    wide = widened(np.dtype(dtype))
+    wide = widen(np.dtype(dtype))
     for i, j, k in np.ndindex(made.shape):
         pairs = zip(a[i, j], b[i, :, k], strict=True)
         products = [builder.convert(x, wide) * builder.convert(y, wide) for x, y in pairs]

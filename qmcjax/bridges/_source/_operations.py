@@ -38,7 +38,7 @@ def _quotient(a: Any, b: Any) -> Any:
     return np.where((a < 0) != (b < 0), -quotient, quotient).astype(a.dtype)
 
 
-def _shifted(kind: str, a: Any, b: Any) -> Any:
+def _shift(kind: str, a: Any, b: Any) -> Any:
     bits = 8 * a.dtype.itemsize
     unsigned = np.dtype(f"u{a.dtype.itemsize}")
     word, by = a.astype(unsigned), np.minimum(b.astype(unsigned), bits - 1).astype(unsigned)
@@ -59,7 +59,7 @@ FOLDED: dict[str, Callable[..., Any]] = {
     "min": np.minimum,
     "max": np.maximum,
     "sqrt": np.sqrt,
-    **{kind: lambda a, b, kind=kind: _shifted(kind, a, b) for kind in SHIFTS},
+    **{kind: lambda a, b, kind=kind: _shift(kind, a, b) for kind in SHIFTS},
 }
 """NumPy's function for each operation that is exact or correctly rounded."""
 
@@ -121,13 +121,13 @@ def _interval(value: Value) -> tuple[Any, Any] | None:
     if kind == "select":
         return min(given[1][0], given[2][0]), max(given[1][1], given[2][1])
     if kind in ("convert", "variable", "result", "input", "bitcast"):
-        return _converted(value, given) if kind == "convert" else None
+        return _convert(value, given) if kind == "convert" else None
     if value.dtype.kind == "b":
         return None
-    return _fitting(value.dtype, _combined(kind, value.dtype, given[0], given[-1]))
+    return _fitting(value.dtype, _combine(kind, value.dtype, given[0], given[-1]))
 
 
-def _converted(value: Value, given: list[Any]) -> tuple[Any, Any] | None:
+def _convert(value: Value, given: list[Any]) -> tuple[Any, Any] | None:
     if value.dtype.kind in "iu":
         if not all(np.isfinite(given[0])):
             return None
@@ -146,7 +146,7 @@ def _fitting(dtype: np.dtype, found: tuple[Any, Any] | None) -> tuple[Any, Any] 
     return found if low <= found[0] and found[1] <= high else None
 
 
-def _combined(kind: str, dtype: np.dtype, a: Any, b: Any) -> tuple[Any, Any] | None:
+def _combine(kind: str, dtype: np.dtype, a: Any, b: Any) -> tuple[Any, Any] | None:
     """Return bounds of an operation of values with bounds ``a`` and ``b``, the same if there is one."""
     real = dtype.kind == "f"
     if kind in ("min", "max"):
@@ -162,7 +162,7 @@ def _combined(kind: str, dtype: np.dtype, a: Any, b: Any) -> tuple[Any, Any] | N
             with np.errstate(over="ignore"):
                 ends = [FOLDED[kind](dtype.type(x), dtype.type(y)).item() for x, y in pairs]
         else:
-            steps = {"add": int.__add__, "sub": int.__sub__, "mul": int.__mul__, "div": _truncated}
+            steps = {"add": int.__add__, "sub": int.__sub__, "mul": int.__mul__, "div": _truncate}
             ends = [steps[kind](x, y) for x, y in pairs]
         return min(ends), max(ends)
     if real or a[0] < 0 or b[0] < 0:
@@ -178,6 +178,6 @@ def _combined(kind: str, dtype: np.dtype, a: Any, b: Any) -> tuple[Any, Any] | N
     return (a[0] << b[0], a[1] << b[1]) if kind == "shift_left" else None
 
 
-def _truncated(a: int, b: int) -> int:
+def _truncate(a: int, b: int) -> int:
     quotient = abs(a) // abs(b)
     return quotient if (a < 0) == (b < 0) else -quotient

@@ -193,7 +193,7 @@ def _computed(statements: Iterable[Statement]) -> Iterator[Value]:
             yield from _computed(statement.body)
 
 
-def scheduled(inputs: Iterable[Value], outputs: Iterable[Value]) -> Program:
+def schedule(inputs: Iterable[Value], outputs: Iterable[Value]) -> Program:
     """Return the program that computes outputs."""
     outputs = tuple(outputs)
     return Program(tuple(inputs), outputs, _Schedule(outputs).statements)

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from qmcjax.bridges._source._builder import Builder, widened
+from qmcjax.bridges._source._builder import Builder, widen
 from qmcjax.bridges._source._errors import ADVICE, Untranslatable, source_line
 from qmcjax.bridges._source._operations import COMPARISONS, FOLDED
 from qmcjax.bridges._source._program import DTYPES, Value
@@ -84,7 +84,7 @@ def words(entries: Entries) -> list[Value]:
     return [v for entry in entries.ravel() for v in (entry.words if isinstance(entry, Key) else (entry,))]
 
 
-def lifted(builder: Builder, entries: Entries) -> Entries:
+def lift(builder: Builder, entries: Entries) -> Entries:
     """Return an array of values."""
     if entries.dtype == object:
         return entries
@@ -104,7 +104,7 @@ class Reader:
 
     def read(self, closed: Any, arguments: Sequence[Entries]) -> list[Entries]:
         """Read the equations of a jaxpr, with its constants if it has them, and return its results."""
-        jaxpr, found = opened(closed), dict[Any, Entries]()
+        jaxpr, found = open_jaxpr(closed), dict[Any, Entries]()
 
         def value(atom: Any) -> Entries:
             return self.known(atom.val, atom.aval.dtype) if hasattr(atom, "val") else found[atom]
@@ -120,7 +120,7 @@ class Reader:
     def known(self, constant: Any, dtype: Any = None) -> Entries:
         """Return a constant of a jaxpr."""
         if hasattr(constant, "dtype") and jnp.issubdtype(constant.dtype, jax.dtypes.prng_key):
-            return as_keys(lifted(self.builder, np.asarray(jax.random.key_data(constant))))
+            return as_keys(lift(self.builder, np.asarray(jax.random.key_data(constant))))
         return np.asarray(constant, dtype)
 
     def _equation(self, equation: Any, given: list[Entries]) -> Sequence[Entries]:
@@ -129,7 +129,7 @@ class Reader:
         if apply is None and name in FOLDED:
             apply = elementwise
         if all(entries.dtype != object for entries in given) and name not in CALLS:
-            return [self.known(result) for result in _evaluated(equation, given)]
+            return [self.known(result) for result in _evaluate(equation, given)]
         self.builder.origin = equation.source_info, around
         avals = ([var.aval for var in atoms] for atoms in (equation.invars, equation.outvars))
         seen = Equation(name, Parameters(equation.params), *avals)
@@ -148,17 +148,17 @@ class Reader:
             ) from None
         finally:
             self.builder.origin = around
-        return [simplest(entries) for entries in results]
+        return [simplify(entries) for entries in results]
 
     def map(self, function: Callable[..., Value], dtype: Any, *given: Entries) -> Entries:
         """Apply a function of values to the entries of arrays, wrapped to the dtype of 8 or 16 bits."""
-        arrays = np.broadcast_arrays(*(lifted(self.builder, entries) for entries in given))
+        arrays = np.broadcast_arrays(*(lift(self.builder, entries) for entries in given))
         made = np.empty(arrays[0].shape, object)
         for place in np.ndindex(made.shape):
-            made[place] = self._wrapped(function(*(array[place] for array in arrays)), np.dtype(dtype))
+            made[place] = self._wrap(function(*(array[place] for array in arrays)), np.dtype(dtype))
         return made
 
-    def _wrapped(self, value: Value, dtype: np.dtype) -> Value:
+    def _wrap(self, value: Value, dtype: np.dtype) -> Value:
         if dtype.kind not in "iu" or dtype.itemsize >= 4:
             return value
         bits = 8 * dtype.itemsize
@@ -167,7 +167,7 @@ class Reader:
         return (value << 32 - bits).apply("shift_right_arithmetic", 32 - bits)
 
 
-def opened(jaxpr: Any) -> Any:
+def open_jaxpr(jaxpr: Any) -> Any:
     """Return a jaxpr without its constants: some versions of JAX close those of loops, others do not."""
     return getattr(jaxpr, "jaxpr", jaxpr)
 
@@ -183,9 +183,9 @@ def elementwise(reader: Reader, equation: Equation, given: list[Entries]) -> Seq
     name, out = equation.name, equation.made[0]
     builder = reader.builder
     if name.startswith("shift"):
-        return [reader.map(lambda a, b: builder.shifted(name, a, b), out.dtype, *given)]
+        return [reader.map(lambda a, b: builder.shift(name, a, b), out.dtype, *given)]
     if name in ("div", "rem") and np.dtype(out.dtype).kind in "iu":
-        return [reader.map(lambda a, b: builder.divided(name, a, b), out.dtype, *given)]
+        return [reader.map(lambda a, b: builder.divide(name, a, b), out.dtype, *given)]
     if name == "div" and _is_shared(given[1], out.shape):
         # XLA multiplies by the rounded reciprocal.
         one = np.ones((), out.dtype)
@@ -201,7 +201,7 @@ def _is_shared(divisor: Entries, shape: tuple[int, ...]) -> bool:
     return divisor.dtype != object or any(n > 1 and not step for n, step in zip(shape, steps, strict=True))
 
 
-def simplest(entries: Entries) -> Entries:
+def simplify(entries: Entries) -> Entries:
     """Return an array of numbers if all its values are constants."""
     if entries.dtype != object or not entries.size:
         return entries
@@ -215,7 +215,7 @@ _BY_NUMPY = frozenset(FOLDED) - {"div", "rem"}
 """Operations that NumPy does at once, with the results of JAX, which compiles each of them first."""
 
 
-def _evaluated(equation: Any, given: list[Entries]) -> Sequence[Any]:
+def _evaluate(equation: Any, given: list[Entries]) -> Sequence[Any]:
     """Return what JAX makes of known arrays."""
     name = equation.primitive.name
     if name in _BY_NUMPY and len({entries.shape for entries in given}) == 1:
@@ -231,7 +231,7 @@ def _check(aval: Any) -> None:
     dtype = getattr(aval, "dtype", None)
     if dtype is None or jnp.issubdtype(dtype, jax.dtypes.prng_key):
         return
-    if np.dtype(dtype).kind not in "biuf" or widened(np.dtype(dtype)) not in DTYPES:
+    if np.dtype(dtype).kind not in "biuf" or widen(np.dtype(dtype)) not in DTYPES:
         raise Untranslatable(f"of dtype {dtype}")
     if np.prod(aval.shape) > MOST_ENTRIES:
         raise Untranslatable(f"of {checks.shown(aval)}, more than {MOST_ENTRIES} values")

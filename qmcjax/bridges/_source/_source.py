@@ -10,9 +10,8 @@ import numpy as np
 
 from qmcjax.bridges._source._language import RESULT, Language
 from qmcjax.bridges._source._languages import C, Cuda, Glsl, Hlsl, Wgsl
-from qmcjax.bridges._source._prepared import SamplerPrograms
 from qmcjax.bridges._source._program import FLOAT, UINT
-from qmcjax.bridges._source._read import read, traced
+from qmcjax.bridges._source._read import SamplerPrograms, read, trace
 from qmcjax.bridges._source._reserved import reserving
 from qmcjax.bridges._source._seeds import Seeded, noun, padding_words
 from qmcjax.bridges._source._writer import Source, Writer
@@ -108,7 +107,7 @@ def source(
     written = LANGUAGES[checks.choice("language", language, LANGUAGES)]
     _check_name(name)
     if isinstance(made, Sampler):
-        size = _checked_size(made, width, height, spp)
+        size = _check_size(made, width, height, spp)
         made = made if size[2] is None else made.up_to(size[2])
         return _of_sampler(made, dims, written, name, _limits(made, size))
     for argument, value in (("width", width), ("height", height), ("spp", spp)):
@@ -130,7 +129,7 @@ def _check_name(name: Any) -> None:
         raise ValueError(f"name must not be a reserved word of {', '.join(languages)}, got {name!r}")
 
 
-def _checked_size(sampler: Sampler, *size: int | None) -> list[int | None]:
+def _check_size(sampler: Sampler, *size: int | None) -> list[int | None]:
     """Return columns, rows and number of samples if they are the sampler's."""
     width, height, spp = size
     if (width is None) != (height is None):
@@ -151,7 +150,7 @@ def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
 def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int]) -> Source:
     wanted, seeded = checks.dimensions(dims, sampler.dims), Seeded.of(sampler)
     if not is_own(sampler):  # A call checks the shape and the dtype of its points.
-        traced(lambda x, y, s: sampler(x, y, s, wanted), _WORD, _WORD, _WORD)
+        trace(lambda x, y, s: sampler(x, y, s, wanted), _WORD, _WORD, _WORD)
     padding = padding_words(seeded.words())
     programs = SamplerPrograms(sampler, padding, [wanted], language.has_64, limits)
     prepared, of_sample, of_pair = programs.prepared, programs.own(0), programs.padding()
@@ -165,7 +164,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
     comment = _Comment(sampler, "A sampler", writer)
     comment.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
-    comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_listed(wanted)}")
+    comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_list(wanted)}")
     comment.call(name, "x, y, s", "both")
     comment.call(f"{name}_pair", "pixel, pair, s", "two coordinates beyond the sampler's, for any number")
     named = zip("xys", limits, strict=True)
@@ -175,7 +174,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     return comment.source(seeded, wanted, padded=True)
 
 
-def _listed(dims: tuple[int, ...]) -> str:
+def _list(dims: tuple[int, ...]) -> str:
     last = len(dims) - 1
     whole = dims == tuple(range(last + 1)) and last > 3
     return f"0 to {last}" if whole else ", ".join(map(str, dims))
@@ -190,7 +189,7 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
 
     writer.fill(name, read(point, seeded.seeds, _WORD, below=[sequence.limit]), (), ("index",), FLOAT)
     comment = _Comment(sequence, "A sequence", writer)
-    comment.call(name, "index", f"coordinates {_listed(wanted)} of a point")
+    comment.call(name, "index", f"coordinates {_list(wanted)} of a point")
     comment.add(f"The index is below {sequence.limit}.")
     comment.add(*EXACT)
     return comment.source(seeded, wanted)

@@ -82,7 +82,7 @@ class Words:
     def _shift(self, a: Pair, by: Value | int, towards: str, back: str) -> Pair:
         """Shift the second word towards the first."""
         by = self.word(by) if isinstance(by, int) else by
-        shifted, rest = self.builder.shifted, 32 - by
+        shifted, rest = self.builder.shift, 32 - by
         small = shifted(towards, a[0], by) | shifted(back, a[1], rest), shifted(towards, a[1], by)
         far = shifted(towards, a[1], by - 32), self.word(0)
         return self.choose(by < 32, small, far)

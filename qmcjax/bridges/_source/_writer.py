@@ -6,10 +6,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges._source._builder import widened
+from qmcjax.bridges._source._builder import widen
 from qmcjax.bridges._source._language import RESULT, Language
 from qmcjax.bridges._source._languages import Shader
-from qmcjax.bridges._source._lower import lowered
+from qmcjax.bridges._source._lower import lower
 from qmcjax.bridges._source._program import UINT, Compute, Loop, Program, Repeat, Statement, Table, Value
 
 _LONGEST = 100
@@ -42,11 +42,11 @@ class Tables:
             return f"{name}[{index}]"
         if table not in self._places:
             self._places[table] = sum(map(len, self._bound))
-            self._bound.append(entries.astype(widened(entries.dtype)).view(np.uint32))
+            self._bound.append(entries.astype(widen(entries.dtype)).view(np.uint32))
         place = self._places[table]
         index = f"{index} + {place}u" if place else index
         word = self._language.bound.format(name=f"{self._prefix}_tables", index=index)
-        return word if entries.dtype.kind == "u" else self._language.from_word(widened(entries.dtype), word)
+        return word if entries.dtype.kind == "u" else self._language.from_word(widen(entries.dtype), word)
 
     def declarations(self) -> list[str]:
         """Return the declarations of all tables that were named."""
@@ -283,5 +283,5 @@ class Writer:
 
     def _body(self, program: Program, named: Sequence[str]) -> Body:
         seeds = [f"seeds[{k}]" for k in range(self.seeds.size)]
-        program = program if self.language.has_64 else lowered(program)
+        program = program if self.language.has_64 else lower(program)
         return Body(self.language, program, [*seeds, *named], self._tables)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from qmcjax.bridges.mitsuba._given import LIMIT, of_size
 from qmcjax.bridges.mitsuba._register import NAME, register, wrap
-from qmcjax.bridges.mitsuba._sensors import delegate, loaded, sensor_of
+from qmcjax.bridges.mitsuba._sensors import delegate, load_scene, sensor_of
 from qmcjax.core import checks, draws
 from qmcjax.rendering import AdaptiveImage
 from qmcjax.rendering.stopping import PILOT, check_passes, passes_needed, pilot_of
@@ -43,7 +43,7 @@ class Tiles:
         self.whole = tuple(int(size) + 2 * self.border for size in film.size())
         self.crop = [int(start) for start in film.crop_offset()]
         self.size = [int(size) for size in film.crop_size()]
-        self.edges = [_divided(size, side) for size in self.size]
+        self.edges = [_divide(size, side) for size in self.size]
         self.region = [
             min(int(np.diff(edges).max()) + 2 * reach, size + 2 * self.border)
             for edges, size in zip(self.edges, self.size, strict=True)
@@ -100,7 +100,7 @@ class TiledPass:
 
         self.sensor = delegate(mitsuba, tiles.sensor, tiles.film, self.sampler, moved)
 
-    def rendered(self, number: int) -> NDArray:
+    def render(self, number: int) -> NDArray:
         """Return the pixels of a tile, shape (height, width, channels)."""
         tiles, corner = self.tiles, self.tiles.corner(number)
         # The sampler's first pixel is that of the whole film, or of its border.
@@ -118,7 +118,7 @@ class TiledPass:
         return image[top : top + rows.stop - rows.start, left : left + columns.stop - columns.start]
 
 
-def _divided(size: int, side: int) -> NDArray[np.intp]:
+def _divide(size: int, side: int) -> NDArray[np.intp]:
     """Return the edges of parts of a side of at most ``side`` pixels, which differ by one at most."""
     count = -(-size // checks.integer("tile", side, 1, checks.MAX_SIDE))
     return np.arange(count + 1) * size // count
@@ -189,7 +189,7 @@ def render_adaptive(
     >>> owen = samplers.randomized(lambda key: samplers.independent(sequences.sobol(8), key), key=1, spp=16)
     >>> result = render_adaptive("scene.xml", owen, spp=1024, tolerance=0.01)  # doctest: +SKIP
     """
-    mitsuba, scene = loaded(scene)
+    mitsuba, scene = load_scene(scene)
     own = sensor_of(scene, sensor)
     if isinstance(scene.integrator(), mitsuba.AdjointIntegrator):
         raise ValueError(
@@ -242,7 +242,7 @@ class _Passes:
         of_pass = self.sampler.of_pass(number)
         one = TiledPass(self.mitsuba, self.scene, self.tiles, of_pass, beyond, self.sampler.spp)
         for k in np.flatnonzero(active).tolist():
-            values = one.rendered(k).astype(np.float64)
+            values = one.render(k).astype(np.float64)
             self.count[k] += 1
             deviation = values - self.mean[k]
             self.mean[k] = self.mean[k] + deviation / self.count[k]

@@ -46,7 +46,7 @@ class Arrays:
         """Return the function that computes a value from its arguments."""
         kind, made = value.kind, self.types[value.dtype]
         if kind in ("convert", "bitcast"):
-            return self._converted(value)
+            return self._convert(value)
         if kind in ("shift_right_logical", "shift_right_arithmetic"):
             sign = "u" if kind == "shift_right_logical" else "i"
             word = self.types[np.dtype(f"{sign}{value.dtype.itemsize}")]
@@ -58,7 +58,7 @@ class Arrays:
             return operator.truediv if value.dtype.kind == "f" else operator.floordiv
         return self.operations[kind] if kind in self.operations else getattr(self.drjit, kind)
 
-    def _converted(self, value: Value) -> Callable[..., Any]:
+    def _convert(self, value: Value) -> Callable[..., Any]:
         made, given = self.types[value.dtype], value.arguments[0].dtype
         if value.kind == "bitcast":
             return lambda a: self.drjit.reinterpret_array(made, a)

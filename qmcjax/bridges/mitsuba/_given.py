@@ -75,7 +75,7 @@ class Given:
                 "loops of your own use seek, not seed"
             )
 
-    def made(self, count: int, make: Callable[[Sampler], Made]) -> Made:
+    def make_once(self, count: int, make: Callable[[Sampler], Made]) -> Made:
         """Return what is made of the sampler for ``count`` samples per pixel: made once for all copies."""
         size = (*self.whole(), self.first + count) if of_size(self._wrapped) else ()
         with self._lock:
@@ -113,6 +113,6 @@ def as_pixels(name: str, sampler: Any) -> Sampler:
     return sampler
 
 
-def shown(plug_in: Any) -> str:
+def describe(plug_in: Any) -> str:
     """Return the text of a plugin as part of a printed scene."""
     return f"QmcSampler[\n  sampler = {plug_in.given.name},\n  sample_count = {plug_in.sample_count()}\n]"

@@ -215,7 +215,7 @@ class Numbers:
         """Return a sampler of the compiled plugin, or None if there are no compiled functions."""
         with self._lock:
             if not self._tried:
-                self._functions, self._tried = self._compiled(), True
+                self._functions, self._tried = self._compile_functions(), True
             if self._functions is None:
                 return None
             if self._image is None or self._image[0] is not blocks:
@@ -226,7 +226,7 @@ class Numbers:
         properties["sample_count"] = count
         return mitsuba.PluginManager.instance().create_object(properties)
 
-    def _compiled(self) -> Functions | None:
+    def _compile_functions(self) -> Functions | None:
         try:
             return Functions(self.pairs.sampler, np.asarray(self.pairs.words))
         except (NotCompiled, ValueError) as error:
@@ -246,7 +246,7 @@ def owner(mitsuba: ModuleType, kept: Any) -> Any:
 
 
 @cache
-def registered(variant: str) -> bool:
+def register_native(variant: str) -> bool:
     """Register the compiled plugin with a scalar variant; return False, and say why, if it cannot be."""
     try:
         if variant not in _SPECTRA:

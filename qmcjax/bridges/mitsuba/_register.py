@@ -44,7 +44,7 @@ def check_llvm() -> str:
     RuntimeError
         If there is no LLVM, or it does not work.
     """
-    imported()
+    import_mitsuba()
     trial = subprocess.run([sys.executable, "-c", _TRIAL], capture_output=True, text=True)
     version = trial.stdout.strip()
     if trial.returncode:
@@ -57,7 +57,7 @@ def check_llvm() -> str:
     return version
 
 
-def imported() -> ModuleType:
+def import_mitsuba() -> ModuleType:
     """Return Mitsuba, or raise an ImportError that says how to install it."""
     try:
         import mitsuba  # pyright: ignore[reportMissingImports]
@@ -114,7 +114,7 @@ def register(variant: str | None = None) -> None:
     of this pixel of the film; ``advance()`` proceeds to the pixel's next sample. In LLVM and CUDA variants
     the arguments are arrays.
     """
-    mitsuba = imported()
+    mitsuba = import_mitsuba()
     if variant is not None:
         if not isinstance(variant, str):
             raise TypeError(f"variant must be the name of a variant, got {checks.shown(variant)}")
@@ -142,7 +142,7 @@ def wrap(sampler: Any) -> Any:
     -------
     mitsuba.Object, for ``{"type": "qmcjax", "sampler": wrap(sampler), "film": film}``
     """
-    mitsuba = imported()
+    mitsuba = import_mitsuba()
     if not of_size(sampler):
         sampler = as_pixels("sampler", sampler)
 

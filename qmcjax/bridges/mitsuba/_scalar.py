@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
-from qmcjax.bridges.mitsuba._native_sampler import Numbers, registered
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, describe
+from qmcjax.bridges.mitsuba._native_sampler import Numbers, register_native
 from qmcjax.bridges.mitsuba._streams import Block, Blocks, Stream, Window, block_side
 from qmcjax.core import checks
 
@@ -27,13 +27,13 @@ def scalar(mitsuba: ModuleType) -> type:
 
         def fork(self) -> Any:
             """Return a sampler for one thread: without Python in images, where there is a compiler."""
-            if self.given.in_use() and registered(mitsuba.variant()):
-                made = self._compiled()
+            if self.given.in_use() and register_native(mitsuba.variant()):
+                made = self._native_copy()
                 if made is not None:
                     return made
             return self._copy()
 
-        def _compiled(self) -> Any:
+        def _native_copy(self) -> Any:
             count, first, window = self.sample_count(), self.given.first, self.given.window()
             numbers = self._numbers(first + count)
             return numbers.native(mitsuba, self._blocks(window), first, count)
@@ -53,7 +53,7 @@ def scalar(mitsuba: ModuleType) -> type:
         def seed(self, seed: int, wavefront_size: int = LIMIT) -> None:
             if self.blocks is None:
                 self.blocks = self._blocks(self.given.window())
-            number, pixel = self.blocks.found(int(seed))
+            number, pixel = self.blocks.locate(int(seed))
             count = self.sample_count()
             if (number, count) != self.block:
                 self.given.check_film()
@@ -81,7 +81,7 @@ def scalar(mitsuba: ModuleType) -> type:
             return mitsuba.Point2f(*self._next())
 
         def to_string(self) -> str:
-            return shown(self)
+            return describe(self)
 
         def _next(self) -> tuple[float, float]:
             if self.number >= self.end:
@@ -94,7 +94,7 @@ def scalar(mitsuba: ModuleType) -> type:
             self.stream.put(self._numbers(end).pairs, samples)
 
         def _numbers(self, end: int) -> Numbers:
-            numbers = self.given.made(self.sample_count(), partial(Numbers, key=self.given.key))
+            numbers = self.given.make_once(self.sample_count(), partial(Numbers, key=self.given.key))
             numbers.pairs.sampler.check(*self.given.whole(), end)
             return numbers
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from qmcjax.bridges.mitsuba._given import LIMIT
-from qmcjax.bridges.mitsuba._register import NAME, imported, register, wrap
+from qmcjax.bridges.mitsuba._register import NAME, import_mitsuba, register, wrap
 from qmcjax.core import checks
 
 
@@ -53,7 +53,7 @@ def render(
     >>> owen = samplers.independent(sequences.sobol(8), key=1)
     >>> image = render("scene.xml", owen, spp=16)  # doctest: +SKIP
     """
-    mitsuba, scene = loaded(scene)
+    mitsuba, scene = load_scene(scene)
     own = sensor_of(scene, sensor).sampler().sample_count()
     spp = checks.integer("spp", own if spp is None else spp, 1, LIMIT)
     seed = checks.integer("seed", seed, 0, LIMIT)
@@ -105,7 +105,7 @@ def sensor_with(
     >>> sensor = sensor_with(scene, sampler)  # doctest: +SKIP
     >>> images = [mitsuba.render(scene, sensor=sensor, spp=16, seed=k) for k in (0, 1)]  # doctest: +SKIP
     """
-    mitsuba, scene = loaded(scene)
+    mitsuba, scene = load_scene(scene)
     own = sensor_of(scene, sensor)
     if film is not None and not isinstance(film, mitsuba.Film):
         raise TypeError(f"film must be a film of the current variant, got {checks.shown(film)}")
@@ -119,9 +119,9 @@ def sensor_with(
     return delegate(mitsuba, own, film, sampler)
 
 
-def loaded(scene: Any) -> tuple[Any, Any]:
+def load_scene(scene: Any) -> tuple[Any, Any]:
     """Return Mitsuba, and a scene of its current variant."""
-    mitsuba = imported()
+    mitsuba = import_mitsuba()
     if mitsuba.variant() is None:
         raise ValueError(
             "scene must be loaded in a variant of Mitsuba, got one before register set a variant"

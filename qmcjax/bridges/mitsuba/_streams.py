@@ -80,7 +80,7 @@ class Blocks:
     """(blocks, 2): column and row of the first pixel in the window, by number."""
     side: int
 
-    def found(self, seed: int) -> tuple[int, int]:
+    def locate(self, seed: int) -> tuple[int, int]:
         """Return the number of a block and the index of a pixel in it, or raise a ValueError."""
         number, pixel = divmod(seed, self.side**2)
         if number >= len(self.corners):

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from qmcjax.bridges._source import Table
-from qmcjax.bridges._source._prepared import SamplerPrograms, first_of
+from qmcjax.bridges._source._read import SamplerPrograms, first_of
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
-from qmcjax.bridges.mitsuba._given import LIMIT, Given, shown
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, describe
 from qmcjax.core import checks, draws
 from qmcjax.samplers import Sampler
 
@@ -45,7 +45,7 @@ class Recorded:
         choices = [self._pairs[k][wanted - 1] for k in range(lowest, self.count + 1)]
         words = [*self.seeds, *members]
         if number is not None or len(choices) == 1:
-            return self._chosen(choices[0], words, pair, sample)
+            return self._choose(choices[0], words, pair, sample)
         # Calls take as arguments what one of them uses.
         used = sorted(
             set().union(*(choice.used for choice in choices)) & set(range(len(self.seeds), len(words)))
@@ -56,14 +56,14 @@ class Recorded:
                 known = list(words)
                 for place, value in zip(used, given, strict=True):
                     known[place] = value
-                return tuple(self._chosen(choice, known, pair, sample))
+                return tuple(self._choose(choice, known, pair, sample))
 
             return call
 
         index = self._minimum(pair, self.count) - lowest
         return self._switch(index, list(map(calls, choices)), pair, sample, [words[place] for place in used])
 
-    def _chosen(self, choice: Evaluated, words: Sequence[Any], pair: Any, sample: Any) -> list[Any]:
+    def _choose(self, choice: Evaluated, words: Sequence[Any], pair: Any, sample: Any) -> list[Any]:
         padding = choice in self._pairs[self.count]
         return choice([*words, pair, sample] if padding else [*words, sample])
 
@@ -79,7 +79,7 @@ class Last:
         self.pair, self.least = pair, least
 
 
-def copied(*of: Any) -> list[Any]:
+def copy_arrays(*of: Any) -> list[Any]:
     """Return arrays of Dr.Jit as other objects."""
     return [type(array)(array) for array in of]
 
@@ -112,7 +112,7 @@ def vectorized(mitsuba: ModuleType) -> type:
             for name in ("recorded", "last", "least", "end", "step", "seeded", "checked"):
                 setattr(other, name, getattr(self, name))
             # Loops change arrays of their state in place: copies have arrays of their own.
-            other.sample, other.pair, *other.members = copied(self.sample, self.pair, *self.members)
+            other.sample, other.pair, *other.members = copy_arrays(self.sample, self.pair, *self.members)
             return other
 
         def seed(self, seed: Any, wavefront_size: int = LIMIT) -> None:
@@ -127,8 +127,8 @@ def vectorized(mitsuba: ModuleType) -> type:
             start = self.given.first + int(np.ravel(np.array(seed))[0]) * count
             if self._recorded().sampler.limits[2] > LIMIT:
                 start %= checks.INDEX_LIMIT
-            pixel, sample = self._divided(drjit.arange(word, wavefront_size), per_pixel)
-            row, column = self._divided(pixel, window.width)
+            pixel, sample = self._divide(drjit.arange(word, wavefront_size), per_pixel)
+            row, column = self._divide(pixel, window.width)
             # In memory, not part of what is compiled: another window, or seed, does not compile again.
             left, top, first = (
                 drjit.opaque(word, each) for each in (window.left, window.top, start % checks.INDEX_LIMIT)
@@ -160,7 +160,7 @@ def vectorized(mitsuba: ModuleType) -> type:
             return mitsuba.Point2f(*self._next(2))
 
         def to_string(self) -> str:
-            return shown(self)
+            return describe(self)
 
         def _next(self, wanted: int) -> Sequence[Any]:
             recorded = self._checked()
@@ -174,15 +174,15 @@ def vectorized(mitsuba: ModuleType) -> type:
                 # The same variable, not that of another round of a loop.
                 least = self.last.least
             self.pair = pair + 1
-            self.last = Last(copied(self.pair)[0], least + 1)
+            self.last = Last(copy_arrays(self.pair)[0], least + 1)
             return recorded.pair(wanted, number, least, pair, self.members, self.sample)
 
         def _recorded(self) -> Recorded:
-            return self.given.made(self.sample_count(), partial(Recorded, arrays, self.given.key))
+            return self.given.make_once(self.sample_count(), partial(Recorded, arrays, self.given.key))
 
         def _put(self, x: Any, y: Any, sample: Any) -> None:
             self.recorded = self._recorded()
-            self.members = copied(*self.recorded.prepare([*self.recorded.seeds, x, y]))
+            self.members = copy_arrays(*self.recorded.prepare([*self.recorded.seeds, x, y]))
             self.sample, self.pair, self.least, self.checked = sample, word(0), 0, False
 
         def _checked(self) -> Recorded:
@@ -200,7 +200,7 @@ def vectorized(mitsuba: ModuleType) -> type:
             return self.recorded
 
         @staticmethod
-        def _divided(number: Any, by: int) -> tuple[Any, Any]:
+        def _divide(number: Any, by: int) -> tuple[Any, Any]:
             quotient = number // by
             return quotient, number - quotient * by
 

@@ -107,7 +107,7 @@ def _measure(curve: Curve) -> dict:
         "maximum with the border": int(counts.max()),
         # Without the segment that starts the curve: it enters no neighbourhood.
         "maximum of the steps that enter": int((counts - _around(curve, 0)).max()),
-        "maximum if the ends of a closed curve are joined": int(_joined(curve, counts).max()),
+        "maximum if the ends of a closed curve are joined": int(_join(curve, counts).max()),
         "share at the maximum": float(np.mean(interior == interior.max())),
         "mean": float(interior.mean()),
         "histogram": _histogram(interior),
@@ -126,7 +126,7 @@ def _around(curve: Curve, position: int) -> NDArray[np.bool_]:
     return np.maximum(np.abs(columns - x), np.abs(rows - y)) <= 1
 
 
-def _joined(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _join(curve: Curve, counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Count the first and the last segment as one where they meet."""
     x, y = curve.path()
     is_closed = abs(x[0] - x[-1]) + abs(y[0] - y[-1]) == 1

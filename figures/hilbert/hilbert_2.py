@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, VERMILLION
 from figures.making.schema import Claims
-from figures.shared.sheets.curve_tables import CURVES, Curve, enumerated, square
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.curve_tables import CURVES, Curve, enumerate_pixels, square
+from figures.shared.sheets.panels import new_figure
 from qmcjax import sequences
 
 SHOWN = (8, 9)
@@ -45,7 +45,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves over their radical inverses, with the differences on the shared edges."""
-    figure = titled("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)", 15, 12)
+    figure = new_figure("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)", 15, 12)
     measured = {}
     for name, panels in zip(CURVES, figure.subplots(len(BASES), len(CURVES)).T, strict=True):
         curve = square(name, *SHOWN)
@@ -60,7 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
 
 
 def _draw(axes: Axes, curve: Curve, base: int) -> None:
-    axes.imshow(enumerated(curve, sequences.van_der_corput(base)), cmap="gray", vmin=-0.3, vmax=1)
+    axes.imshow(enumerate_pixels(curve, sequences.van_der_corput(base)), cmap="gray", vmin=-0.3, vmax=1)
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
     axes.plot(*curve.path(), color=BLUE, lw=1.5, alpha=0.7)
@@ -77,7 +77,7 @@ def _measure(curve: Curve) -> dict:
     others = differences[differences > 1]
     values, numbers = np.unique(others, return_counts=True)
     frequent = np.argsort(-numbers, kind="stable")[:5]
-    images = {base: enumerated(curve, sequences.van_der_corput(base)) for base in BASES}
+    images = {base: enumerate_pixels(curve, sequences.van_der_corput(base)) for base in BASES}
     halves = images[2] < 0.5
     y, x = np.indices(halves.shape)
     return {

@@ -74,14 +74,14 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
     compared = {spp: ways(len(scene.needs), side, spp) for spp in COUNTS}
-    found = scene_images.compared(scene, side, compared, lambda part: progress(0.5 + 0.5 * part))
+    found = scene_images.compare(scene, side, compared, lambda part: progress(0.5 + 0.5 * part))
     for (spp, name), image in found.items():
         images[f"{name}, {spp} spp"] = image[area]
         shown.setdefault(f"{spp} spp", {})[name] = diffusion.shown(image)
         measured.setdefault(name, {})[f"{spp} spp"] = diffusion.measures(image, exact, area) | _by_area(
             (image - exact.image)[area], smooth
         )
-    measured[PASSES] = {"64 spp": diffusion.measures(_randomised(scene, side), exact, area)}
+    measured[PASSES] = {"64 spp": diffusion.measures(_render_passes(scene, side), exact, area)}
     shown["1 spp"]["reference"] = diffusion.shown(exact.image)
     rows = {}
     for count, row in shown.items():
@@ -109,7 +109,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return figure, {"measured": measured, "claims": _claims(measured), "note": note}, images
 
 
-def _randomised(scene: Any, side: int) -> NDArray[np.float64]:
+def _render_passes(scene: Any, side: int) -> NDArray[np.float64]:
     """Return the mean of four passes of 16 samples in contiguous blocks, each with digits permuted anew."""
     curve, dims = orders.hilbert(side, side), len(scene.needs)
     passes = [

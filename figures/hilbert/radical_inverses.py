@@ -13,7 +13,7 @@ from figures.shared.sheets.curve_tables import (
     POWER,
     SHARE,
     Curve,
-    enumerated,
+    enumerate_pixels,
     square,
     structure,
 )
@@ -37,7 +37,7 @@ def hilbert_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
     measured = {}
     for name in CURVES:
         curve = square(name, *SIDES)
-        images = {f"phi_{base}": enumerated(curve, sequences.van_der_corput(base)) for base in BASES}
+        images = {f"phi_{base}": enumerate_pixels(curve, sequences.van_der_corput(base)) for base in BASES}
         images["superimposed"] = np.stack(list(images.values()), axis=-1)
         for row, image in zip(rows.values(), images.values(), strict=True):
             row[name] = image
@@ -106,7 +106,7 @@ def hilbert_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
     leading: dict[str, list[NDArray[np.bool_]]] = {}
     for name in CURVES:
         curve = square(name, *SIDES)
-        images = {row: enumerated(curve, *source) for row, source in SOURCES.items()}
+        images = {row: enumerate_pixels(curve, *source) for row, source in SOURCES.items()}
         for row, image in images.items():
             sheet[row][name] = image
         measured[name] = {row: structure(image) for row, image in images.items()}

@@ -8,8 +8,8 @@ from types import ModuleType
 from typing import Any
 
 
-def measured(module: ModuleType, given: Any) -> Any:
-    """Return what the function ``measured`` of a module returns; it takes and returns what JSON has."""
+def measure(module: ModuleType, given: Any) -> Any:
+    """Return what the function ``measure`` of a module returns; it takes and returns what JSON has."""
     return json.loads(_output(__name__, module.__name__, task=given).splitlines()[-1])
 
 
@@ -27,4 +27,4 @@ def _output(*words: str, task: Any) -> str:
 
 
 if __name__ == "__main__":
-    print(json.dumps(importlib.import_module(sys.argv[1]).measured(json.load(sys.stdin))))
+    print(json.dumps(importlib.import_module(sys.argv[1]).measure(json.load(sys.stdin))))

@@ -14,7 +14,7 @@ from figures.ours import peer_images, traced_sweep
 from figures.ours.traced_sweep import OURS
 from figures.plot import Style, style
 from figures.shared.mitsuba_runs import mitsuba_scenes
-from figures.shared.sheets.panels import name_axes, titled
+from figures.shared.sheets.panels import name_axes, new_figure
 from figures.shared.timing import speed_sweep
 
 ADAPTIVE = ", adaptive"
@@ -48,7 +48,7 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def counted(rows: Rows) -> str:
+def count_samples(rows: Rows) -> str:
     """Return in words which numbers of samples rows have."""
     counts = sorted({row["spp"] for row in rows})
     return f"{counts[0]} spp" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} spp"
@@ -153,9 +153,9 @@ class Panel(NamedTuple):
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in processes of their own, and traced scenes here, and draw error over time."""
-    sweep = own_process.measured(speed_sweep, quality)
+    sweep = own_process.measure(speed_sweep, quality)
     progress(0.4)
-    peers = own_process.measured(peer_images, quality)
+    peers = own_process.measure(peer_images, quality)
     progress(0.5)
     size = SIZES[quality]
     traced, floors, origins = _traced(size, lambda part: progress(0.5 + part / 2))
@@ -169,7 +169,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         *_panels(traced, size.side, "sampler", STYLES),
     ]
     missing = "" if mitsuba_scenes.installed() else " Mitsuba is not installed: pip install mitsuba."
-    return _drawn(panels, floors), {
+    return _draw(panels, floors), {
         "table": [{key: row[key] for key in TABLE} for row in [*sweep["rows"], *traced]],
         "measured": {
             "best": {name: best(rows, "sampler") for name, rows in _by_scene(sweep["rows"]).items()},
@@ -178,7 +178,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 name: _ratios(rows) for name, rows in _by_scene(programs).items()
             },
             "traced": {
-                name: _compared(rows) | {"error of the reference": floors[name]}
+                name: _compare(rows) | {"error of the reference": floors[name]}
                 for name, rows in _by_scene(traced).items()
             },
         },
@@ -224,10 +224,10 @@ def _panels(rows: Rows, side: int, by: str, styles: Mapping[str, Style] | None) 
     return [Panel(name, side, of, by, styles) for name, of in _by_scene(rows).items()]
 
 
-def _drawn(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
+def _draw(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
     """Draw error over time, with the error of the reference, and a legend for each kind of panels."""
     rows = -(-len(panels) // COLUMNS)
-    figure = titled(
+    figure = new_figure(
         "Points that cost more must save samples: error over run time, one mark for each number of samples\n"
         "(lower left is better; grey: error of the reference)",
         3.3 * COLUMNS + 2,
@@ -242,7 +242,7 @@ def _drawn(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
         if panel.scene in floors:
             ax.axhline(floors[panel.scene], color="0.6", lw=0.8, zorder=0)
         title = panel.scene.replace("_", " ")
-        ax.set_title(f"{title}, {panel.side} x {panel.side}, {counted(panel.rows)}")
+        ax.set_title(f"{title}, {panel.side} x {panel.side}, {count_samples(panel.rows)}")
     for ax in axes[len(panels) :]:
         ax.set_axis_off()
     heights: tuple[Literal["upper", "center", "lower"], ...] = ("upper", "center", "lower")
@@ -261,7 +261,7 @@ def _ratios(rows: list[dict]) -> dict[str, dict[str, float]]:
     return ratios
 
 
-def _compared(rows: list[dict]) -> dict:
+def _compare(rows: list[dict]) -> dict:
     """Return what is best, and the times to the error of the most random samples of ours."""
     random = [row for row in rows if row["sampler"] == "random"]
     most = max(random, key=lambda row: row["spp"])

@@ -51,7 +51,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured: dict[str, dict[str, Any]] = {}
     for k, spp in enumerate(counts):
         for done, name in enumerate(SHOWN[quality], start=1):
-            found = _measured(SCENES[name](), side, spp, STEPS[quality], DESIGNS[quality])
+            found = _measure(SCENES[name](), side, spp, STEPS[quality], DESIGNS[quality])
             measured.setdefault(f"{spp} spp", {})[name] = found
             progress((k + done / len(SHOWN[quality])) / len(counts))
     gains = {camera: [of[camera] for row in measured.values() for of in row.values()] for camera in CAMERAS}
@@ -69,7 +69,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "note": note}
 
 
-def _measured(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int) -> dict[str, float]:
+def _measure(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int) -> dict[str, float]:
     dims = len(scene.needs)
     y, x, sample = np.indices((side, side, spp), np.uint32)
     tiles = [

@@ -27,10 +27,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         measured[name] = numbers["measured"]
         notes.append(f"{name.capitalize()}: {numbers['note']}")
         files |= dict(*handed[1:])
-    return _stacked(pictures), {"measured": measured, "note": " ".join(notes)}, {}, files
+    return _stack(pictures), {"measured": measured, "note": " ".join(notes)}, {}, files
 
 
-def _stacked(figures: list[Figure]) -> Figure:
+def _stack(figures: list[Figure]) -> Figure:
     """Return one figure of the pixels of several, from top to bottom."""
     images = []
     for figure in figures:

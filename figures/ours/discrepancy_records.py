@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.panels import curve, name_axes, text_table, titled
+from figures.shared.sheets.panels import curve, name_axes, new_figure, text_table
 from qmcjax import sequences
 
 MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
@@ -154,7 +154,7 @@ def _golden(n: int) -> NDArray[np.float64]:
 def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], parts: list[dict]) -> Figure:
     """Draw star discrepancies by dimensions and L2 discrepancies above the table."""
     lines = (len(rows) + 1) // 2
-    figure = titled(
+    figure = new_figure(
         "Searched points: about half of Sobol's star discrepancy, smaller L2 discrepancies, all certified",
         14,
         8.6 + 0.19 * lines,

@@ -10,7 +10,7 @@ from scipy.special import bdtr, bdtrc, ndtr
 
 from figures.plot import Style
 from figures.shared.integrands import coverage, hundred_integrands, rare_events
-from figures.shared.sheets.panels import curve, name_axes, titled
+from figures.shared.sheets.panels import curve, name_axes, new_figure
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""
@@ -71,22 +71,22 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure coverage and distinctions, and draw both."""
-    cells = coverage.measured(quality == "paper")
+    cells = coverage.measure_coverage(quality == "paper")
     progress(0.3)
-    rows = coverage.measure(TRIALS[quality])
+    rows = coverage.measure_distinctions(TRIALS[quality])
     sizes, tried = SIZES[quality], TRIED[quality]
-    kinds = hundred_integrands.measured(sizes, range(tried), lambda part: progress(0.3 + 0.2 * part))
+    kinds = hundred_integrands.measure(sizes, range(tried), lambda part: progress(0.3 + 0.2 * part))
     asked, keys, points, every = STOPPED[quality]
     width = kinds["student", "few"].width.mean(axis=0)
     # With other keys than those of the tolerances.
     keys = range(tried, tried + keys)
-    stops = {kind: hundred_integrands.stopped(kind, width, keys, points, every) for kind in asked}
+    stops = {kind: hundred_integrands.stop_at_tolerance(kind, width, keys, points, every) for kind in asked}
     progress(0.7)
     rare, rare_stops = _rare(quality)
     held, widths = _of_kinds(kinds)
     last = {(kind, "few"): hundred_integrands.by_class(of.held, of.of_class) for kind, of in stops.items()}
 
-    figure = titled(TITLE, 7, 10.5, fontsize=10)
+    figure = new_figure(TITLE, 7, 10.5, fontsize=10)
     grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
     first, *axes = (figure.add_subplot(grid[at]) for at in ((0, slice(None)), *list(np.ndindex(4, 2))[2:]))
     wrong = _rare_events(first, rare)
@@ -151,7 +151,9 @@ def _rare(quality: str) -> tuple[list[rare_events.Held], list[rare_events.Stoppe
         for count in replicates
         for limits in (False, True)
     ]
-    return cells, [rare_events.stopped(range(keys), most, limits, which) for limits in (False, True)]
+    return cells, [
+        rare_events.stop_at_tolerance(range(keys), most, limits, which) for limits in (False, True)
+    ]
 
 
 def _bounded(limits: bool) -> str:

@@ -60,7 +60,7 @@ def rates_of(size: Size) -> Rates:
             "spp": TIMED_SPP,
             "turns": size.turns,
         }
-        for mode, taken in own_process.measured(process, task).items():
+        for mode, taken in own_process.measure(process, task).items():
             found[f"{variant}, {mode} loops" if mode else variant] = taken
     return found
 
@@ -75,7 +75,7 @@ def measured_area(scene: str, side: int) -> diffusion.Area:
     return (slice(side // 4, side), slice(None)) if scene == "Cornell box" else diffusion.WHOLE
 
 
-def images_of(scene: str, size: Size) -> Images:
+def render_images(scene: str, size: Size) -> Images:
     """Return images by a process of their own."""
     runs = [Run(REFERENCE, REFERENCE_SPP, REFERENCE_KEY + k) for k in range(size.replicates)]
     runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
@@ -133,7 +133,7 @@ def make(
     size = SIZES[quality]
     with ThreadPoolExecutor(2) as pool:
         found: dict[str, Images] = {}
-        runs = pool.map(lambda name: images_of(name, size), size.scenes)
+        runs = pool.map(lambda name: render_images(name, size), size.scenes)
         for name, images in zip(size.scenes, runs, strict=True):
             found[name] = images
             progress(0.7 * len(found) / len(size.scenes))
@@ -181,7 +181,7 @@ def make(
         for name, of in found.items()
         for sampler in _pictured(size)
     }
-    return _drawn(size, found, exact, rows, rates), numbers, images
+    return _draw(size, found, exact, rows, rates), numbers, images
 
 
 def _by_case(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], dict[str, Any]]:
@@ -214,7 +214,7 @@ ROW, HIGH, BAR = 266, 190, 26
 CURVES = ("RMS error", "filtered error", "spectrum")
 
 
-def _drawn(
+def _draw(
     size: Size,
     found: dict[str, Images],
     exact: dict[str, diffusion.Reference],

@@ -132,7 +132,7 @@ def error(name: str, image: NDArray[np.float32]) -> float:
     return rms(image - exact)
 
 
-def measured(quality: str) -> dict[str, Any]:
+def measure(quality: str) -> dict[str, Any]:
     """Return a row for each image; the programs take turns, with a new key in each."""
     warnings.simplefilter("ignore")
     side, counts, calls = SIZES[quality]

@@ -11,7 +11,7 @@ from matplotlib.ticker import NullFormatter
 
 from figures.making import own_process
 from figures.making.this_machine import machine
-from figures.shared.sheets.panels import legend_below, name_axes, titled
+from figures.shared.sheets.panels import legend_below, name_axes, new_figure
 from figures.shared.timing import image_scaling, measure_scaling
 
 DOUBLED, WITHIN = 2.0, 0.1
@@ -45,11 +45,11 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in processes of their own, and draw time and memory over sizes."""
-    images = own_process.measured(image_scaling, quality)
+    images = own_process.measure(image_scaling, quality)
     progress(0.4)
-    measures = own_process.measured(measure_scaling, quality)
+    measures = own_process.measure(measure_scaling, quality)
     progress(0.9)
-    figure = titled(
+    figure = new_figure(
         "The time of an image is proportional to its samples; memory does not grow with samples per pixel",
         13,
         10.5,

@@ -14,7 +14,7 @@ import analysis
 from figures import plot
 from figures._errors import rms
 from figures.making.schema import Claims
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, sequences
 
 KEY = 1
@@ -188,7 +188,7 @@ def make(
     ]
     note = NOTE.format(side=side, counts=", ".join(map(str, COUNTS)))
     return (
-        _drawn(powers, side),
+        _draw(powers, side),
         {"measured": measured, "claims": claims, "table": table, "note": note},
         images,
     )
@@ -209,9 +209,9 @@ def _radial_power(errors: NDArray[np.float64]) -> Curve:
     return frequency.reshape(BINS, -1).mean(axis=1) / len(errors), power.reshape(BINS, -1).mean(axis=1)
 
 
-def _drawn(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
+def _draw(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
     """Draw radial spectra: a row for each number of samples, a column for each family."""
-    figure = titled(
+    figure = new_figure(
         "Consecutive blocks of one sequence along a curve keep errors out of low frequencies, at all counts\n"
         f"radial power spectra of errors, {len(INTEGRALS)} integrands, {side} x {side} pixels, one key",
         3 * len(FAMILIES),

@@ -54,7 +54,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     table: dict[str, dict[str, dict[str, float]]] = {}
     images, masks = [], []
     for done, (name, scene) in enumerate(SCENES.items(), start=1):
-        table[name] = {str(spp): _compared(scene, size, spp) for spp in size.counts}
+        table[name] = {str(spp): _compare(scene, size, spp) for spp in size.counts}
         result = _skipped(scene, size, size.counts[-1])
         sampled = result.counts > 1
         image, highest = np.asarray(result.image), float(np.max(result.image))
@@ -78,11 +78,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
 
 
-def _compared(scene: Any, size: Size, spp: int) -> dict[str, float]:
+def _compare(scene: Any, size: Size, spp: int) -> dict[str, float]:
     """Return times and errors with and without skipping, in turn."""
     along = speed_sweep.SAMPLERS[speed_sweep.ADAPTIVE]
     entries = {"without": (along, False), "with": (along, True)}
-    found = speed_sweep.compared(scene, entries, size.side, spp, size.calls)
+    found = speed_sweep.compare(scene, entries, size.side, spp, size.calls)
     with_, without = (float(np.median(found[kind][0][1:])) for kind in ("with", "without"))
     saving = _skipped(scene, size, spp).saving
     return {

@@ -27,7 +27,7 @@ GAP, HEAD = 4, 14
 ZOOM, MILLISECONDS, QUALITY = 2, 120, 40
 
 
-def averaged(frames: NDArray[np.float64], alpha: float, rounds: int = 3) -> NDArray[np.float64]:
+def average(frames: NDArray[np.float64], alpha: float, rounds: int = 3) -> NDArray[np.float64]:
     """Return moving averages after some rounds of the frames: as if they had always been repeated."""
     mean, found = frames.mean(axis=0), np.empty_like(frames)
     for _ in range(rounds):
@@ -42,7 +42,7 @@ def moving_picture(ways: Mapping[str, NDArray[np.float64]], alpha: float) -> byt
 
     ``ways``: linear values, shape (frames, height, width), by the names of samplers.
     """
-    columns = {name: (frames, averaged(frames, alpha)) for name, frames in ways.items()}
+    columns = {name: (frames, average(frames, alpha)) for name, frames in ways.items()}
     count, height, width = next(iter(ways.values())).shape
     pictures = []
     for t in range(count):
@@ -223,7 +223,7 @@ def make(
         }
         for case, logs in relative.items()
     }
-    figure = _drawn(
+    figure = _draw(
         {c: {n: np.exp(of.mean(axis=0)) for n, of in logs.items()} for c, logs in relative.items()}, spectra
     )
     figure.suptitle(
@@ -240,7 +240,7 @@ def _with_interval(logs: NDArray[np.float64]) -> list[float]:
     return list(judged.of_logarithms(logs)) if np.ptp(logs) else [float(np.exp(logs.mean()))] * 3
 
 
-def _drawn(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:
+def _draw(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:
     rows = -(-len(tables) // 2)
     figure = Figure(figsize=(11, 3.0 * rows + 3.2), layout="constrained")
     halves: Any = figure.subfigures(2, 1, height_ratios=[3.0 * rows, 2.8])

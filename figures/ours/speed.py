@@ -20,7 +20,7 @@ from figures.making import own_process
 from figures.plot import Style
 from figures.shared.costs import in_turns, median, timed
 from figures.shared.mitsuba_runs import mitsuba_scenes
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from figures.shared.timing import device_rates, point_rates, ray_rates
 from figures.shared.timing.measure_scaling import Call, Points, random, sobol
 from qmcjax import scenes, sequences, tracing
@@ -142,7 +142,7 @@ def _paths(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> dict[
             means[name].append(float(image.mean()))
         if mitsuba_scenes.installed():
             # The first of two wakes its threads.
-            images, both = mitsuba_scenes.rendered(scene, side, side, spp, [2 * turn, 2 * turn + 1])
+            images, both = mitsuba_scenes.render_image(scene, side, side, spp, [2 * turn, 2 * turn + 1])
             seconds.setdefault("Mitsuba", []).append(both[1])
             means.setdefault("Mitsuba", []).append(float(images.mean()))
     rates = {name: paths / float(np.median(times)) for name, times in seconds.items()}
@@ -205,11 +205,11 @@ Rates = Mapping[str, Mapping[str, float]]
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure one kind after the other, points in a process of its own, and draw dots."""
-    made = own_process.measured(point_rates, quality)
+    made = own_process.measure(point_rates, quality)
     progress(0.2)
-    on_device = own_process.measured(device_rates, quality)
+    on_device = own_process.measure(device_rates, quality)
     progress(0.3)
-    of_rays, about_rays = ray_rates.measured(quality)
+    of_rays, about_rays = ray_rates.measure(quality)
     progress(0.6)
     of_paths, about_paths = path_rates(quality)
     progress(0.8)
@@ -218,7 +218,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     rays = {name: {way: of["per second"] for way, of in ways.items()} for name, ways in of_rays.items()}
     paths = {name: of["paths per second"] for name, of in of_paths.items()}
 
-    figure = titled("How fast points, rays, paths and measures are (further right is better)", 16, 11)
+    figure = new_figure("How fast points, rays, paths and measures are (further right is better)", 16, 11)
     parts: Any = figure.subfigures(1, 2)
     left, right = parts
     columns = {

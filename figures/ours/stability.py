@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from figures.ours import point_precision
-from figures.shared.sheets.panels import name_axes, titled
+from figures.shared.sheets.panels import name_axes, new_figure
 from qmcjax import sequences, tracing
 
 AWAY = tuple(10.0**k for k in range(-3, 7))
@@ -258,7 +258,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ),
     }
     panels = of_points | of_rays
-    figure = titled(
+    figure = new_figure(
         "Single precision holds for points and sums; frequencies, and rays far from the origin, need double\n"
         "dashed: errors that an image shows; errors of 0 are drawn at the bottom",
         11,

@@ -43,7 +43,7 @@ def cases(bounces: int) -> dict[str, tuple[scenes.Traced, bool]]:
 
 def reference(scene: scenes.Traced, side: int, spp: int) -> diffusion.Reference:
     """Return the stored reference, or an estimate from so many samples per pixel."""
-    return diffusion.reference(scene, side, spp, lambda *task: rendered(*task)[0])
+    return diffusion.reference(scene, side, spp, lambda *task: render_image(*task)[0])
 
 
 def rows(
@@ -60,7 +60,7 @@ def rows(
         for spp in counts:
             for name in OURS:
                 sampler = speed_sweep.SAMPLERS[name](side, spp, len(scene.needs), turn)
-                add(name, spp, *rendered(scene, sampler, side, spp))
+                add(name, spp, *render_image(scene, sampler, side, spp))
         if shared and mitsuba_scenes.installed():
             runs = [mitsuba_scenes.Run(name, spp, 1 + turn) for name in MITSUBAS for spp in counts]
             # The first image wakes its threads.
@@ -80,7 +80,9 @@ def rows(
     ]
 
 
-def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> tuple[NDArray[np.float64], float]:
+def render_image(
+    scene: Any, sampler: samplers.Sampler, side: int, spp: int
+) -> tuple[NDArray[np.float64], float]:
     """Return an image and the seconds that it took, by one program for a scene's values and one for points.
 
     To compile one of both for each pair of them takes minutes.

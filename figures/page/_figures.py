@@ -10,7 +10,7 @@ from figures.catalogue import NO_DRAFT
 from figures.making import store
 from figures.page import _ledger
 from figures.page._html import PARTS, Markup, fill, join, png_size, quantity, script_safe
-from figures.page._ledger import measured, said
+from figures.page._ledger import measurement, said
 
 VIEWER = """
 <section class="viewer" aria-label="Images of $name side by side" data-name="$name" data-title="$title">
@@ -26,7 +26,7 @@ WALL = """
 LOST = '<p class="warning">Images are missing: $files</p>'
 
 
-def images_of(folder: Path, name: str, title: str, images: Mapping[str, Any] | None) -> Markup:
+def show_images(folder: Path, name: str, title: str, images: Mapping[str, Any] | None) -> Markup:
     """Return a viewer, and a wall above it for a series over several counts; nothing for no images."""
     if images is None:
         return Markup("")
@@ -136,7 +136,7 @@ def part(
     )
 
 
-def _counted(figure: Shown) -> dict[str, int]:
+def _count_verdicts(figure: Shown) -> dict[str, int]:
     return _ledger.counts(finding.verdict for finding in figure.findings)
 
 
@@ -144,7 +144,7 @@ def _content(figure: Shown) -> Markup:
     mark = '<i class="$verdict">$sign$count</i>'
     marks = join(
         fill(mark, verdict=verdict, sign=_ledger.VERDICTS[verdict][0], count=count)
-        for verdict, count in _counted(figure).items()
+        for verdict, count in _count_verdicts(figure).items()
     )
     return fill(CONTENT, name=figure.name, title=figure.title, marks=marks)
 
@@ -174,7 +174,7 @@ def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, M
     return {
         "picture": picture(folder, figure),
         "moving": _moving(folder, figure, entry),
-        "images": images_of(folder, name, title, images),
+        "images": show_images(folder, name, title, images),
         "made": fill(MADE, table=table),
     }
 
@@ -204,14 +204,14 @@ def _claims(figure: Shown) -> Markup:
             claim=finding.claim.claim,
             place=finding.claim.place,
             draft="" if draft in (None, "alone") else f"; draft {draft}",
-            measured=_paragraph(measured(finding)),
+            measured=_paragraph(measurement(finding)),
             said=join(said(finding.claim)),
         )
         for finding in figure.findings
         for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
     )
     count = quantity(len(figure.findings), "claim")
-    return fill(CLAIMS, count=count, summary=_ledger.summary(_counted(figure)), items=join(items))
+    return fill(CLAIMS, count=count, summary=_ledger.summary(_count_verdicts(figure)), items=join(items))
 
 
 def _paragraph(text: Markup) -> Markup:

@@ -50,12 +50,12 @@ def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
             kept if found.verdict == "missing" or (draft and kept.verdict != "missing") else found
         )
         if draft and claim.question is None:
-            drafts[claim.figure, claim.key] = _compared(found.verdict, kept.verdict)
+            drafts[claim.figure, claim.key] = _compare(found.verdict, kept.verdict)
     missing = {finding.claim.figure for finding in here if finding.verdict == "missing"}
     return Assessed(findings, drafts, [name for name in entries if name in missing])
 
 
-def _compared(draft: str, paper: str) -> str:
+def _compare(draft: str, paper: str) -> str:
     """Return what a draft's verdict says about that in paper quality."""
     if paper in ("missing", draft):
         return "alone" if paper == "missing" else "agrees"
@@ -222,7 +222,11 @@ def _row(finding: ledger.Finding, drafts: Drafts) -> Markup:
         claim=join([fill("$claim", claim=claim.claim), *said(claim)[:lines]]),
         word=word(finding.verdict),
         draft=fill("<small>$told</small>", told=told) if told else Markup(""),
-        measured=measured(finding) if lines else cases(finding.cases) if finding.verdict == "depends" else "",
+        measured=measurement(finding)
+        if lines
+        else cases(finding.cases)
+        if finding.verdict == "depends"
+        else "",
         shown=_shown(claim),
     )
 
@@ -236,7 +240,7 @@ def said(claim: ledger.Claim) -> list[Markup]:
     return [fill(f"<small>{words}</small>", text=text) for words, text in small.items() if text]
 
 
-def measured(finding: ledger.Finding) -> Markup:
+def measurement(finding: ledger.Finding) -> Markup:
     """Return what was measured, in which cases a claim holds, and why."""
     why = fill("<small>$why</small>", why=finding.why) if finding.why else Markup("")
     return fill("$text $cases$why", text=finding.measured, cases=cases(finding.cases), why=why)

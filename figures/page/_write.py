@@ -218,7 +218,7 @@ def _front(
     return fill(
         static("front.html"),
         hero=_hero(folder, figures),
-        told=_told(failed, assessed.outdated),
+        told=_warnings(failed, assessed.outdated),
         papers=join(
             fill(PAPER, paper=paper, title=PARTS[paper], bar=bar(of), summary=summary(of, paper))
             for paper, of in counts.items()
@@ -271,7 +271,7 @@ def _state(figures: Mapping[str, Shown]) -> str:
     return state + (f" and {ours} of our own" if ours else "") + " are here."
 
 
-def _told(failed: Collection[str], outdated: Collection[str]) -> Markup:
+def _warnings(failed: Collection[str], outdated: Collection[str]) -> Markup:
     """Return what is wrong with the folder."""
     lines = {
         "Failed in the last run": failed,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from figures.z.z_2 import write
 from qmcjax import orders, samplers
 
@@ -43,7 +43,7 @@ def z_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 
-    figure = titled(
+    figure = new_figure(
         "Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)", 12, 6.2
     )
     panels = figure.subplots(1, 2)
@@ -167,7 +167,7 @@ NOTE_7 = (
 def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both trees, and check that positions follow letters."""
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
-    figure = titled("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)", 11, 6)
+    figure = new_figure("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)", 11, 6)
     left, right = figure.subplots(1, 2)
     _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: pi_of(prefix))
     _draw(right, "(b) nodes of the tree that begins with A", rules, lambda _, letter: letter)

@@ -12,7 +12,7 @@ from figures._errors import rms
 from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, scene_images
-from figures.shared.sheets.image_sheets import magnified, magnified_sheet
+from figures.shared.sheets.image_sheets import magnify, magnify_all
 from figures.z import z_renderings
 from figures.z.z_renderings import EFFECTS, SPP, make_samplers
 from qmcjax import scenes
@@ -49,13 +49,13 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
     side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS[quality], scenes.occluder()
     exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
-    panels = [magnified("occluder\nreference", exact.image, CROP)]
+    panels = [magnify("occluder\nreference", exact.image, CROP)]
     measured: dict[str, dict[str, float]] = {}
     for name, sampler in make_samplers(scene.needs, side).items():
         image = images[name] = scene_images.image(scene, sampler, side, SPP)
         measured[name] = _measures(image, exact)
         caption = f"{name}\nfiltered error {measured[name]['filtered error']:.4f}"
-        panels.append(magnified(caption, image, CROP))
+        panels.append(magnify(caption, image, CROP))
     progress(0.2)
     over_keys = {}
     of_small = diffusion.reference_of("occluder", small, REPLICATE[quality])
@@ -89,7 +89,7 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
         "claims": _claims_9(over_keys),
         "note": note,
     }
-    return magnified_sheet(title, panels, len(panels), 256, below=True), numbers, images
+    return magnify_all(title, panels, len(panels), 256, below=True), numbers, images
 
 
 def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:
@@ -164,7 +164,7 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         exact, area = _exact(title, scene, side, quality)
         of_small, area_of_small = (exact, area) if small == side else _exact(title, scene, small, quality)
         origins += f"The reference of {title} is {exact.origin}. "
-        panels.append(magnified(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
+        panels.append(magnify(f"{EFFECTS[title]}\nreference", exact.image, CROPS[title]))
         handed_out.setdefault("reference", []).append(exact.image)
         found, images = over_keys.setdefault(title, {}), {}
         by_key = [make_samplers(scene.needs, small, SPP_10, key) for key in range(keys)]
@@ -175,7 +175,7 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         for name, made in make_samplers(scene.needs, side, SPP_10, 0).items():
             image = images[name][0] if small == side else scene_images.image(scene, made, side, SPP_10)
             error = diffusion.measures(image, exact, area)["filtered error"]
-            panels.append(magnified(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
+            panels.append(magnify(f"{name}\nfiltered error {error:.4f}", image, CROPS[title]))
             handed_out.setdefault(name, []).append(image)
         progress(done / len(compared))
     bounces = BOUNCES[quality]
@@ -185,7 +185,7 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
         "of the key that is shown; ranked keys: ours, after Heitz et al."
     )
-    figure = magnified_sheet(title, panels, len(handed_out), SHOWN, below=True)
+    figure = magnify_all(title, panels, len(handed_out), SHOWN, below=True)
     afar = {
         title: {name: [of["filtered error"] for of in keys] for name, keys in found.items()}
         for title, found in over_keys.items()
@@ -241,11 +241,11 @@ def _claims_10(afar: dict[str, dict[str, list[float]]]) -> Claims:
         "Z almost delivers the best quality": {
             title: judged.all_smaller(of, ["Z"], others("Z"), ALMOST) for title, of in afar.items()
         },
-        "ranked keys slightly outperform Z in the sports car": z_renderings.judged_by(
+        "ranked keys slightly outperform Z in the sports car": z_renderings.judge_by(
             lambda name: judged.smaller(afar["sports"][name], afar["sports"]["Z"])
         ),
         "ranked keys fail badly with bidirectional paths: a fifth more error than all others": (
-            z_renderings.judged_by(
+            z_renderings.judge_by(
                 lambda name: judged.all_smaller(afar["caustic"], others(name), [name], 1 / ALMOST)
             )
         ),

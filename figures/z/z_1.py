@@ -242,17 +242,17 @@ def _claims(
             judged.below(white[LOW], WHITE[1]), judged.below(-np.array(white[LOW]), -WHITE[0])
         ),
         "the error of Z is blue noise": judged.below(over_keys["Z"][LOW], BLUE),
-        "the error of ranked keys is blue noise": z_renderings.judged_by(
+        "the error of ranked keys is blue noise": z_renderings.judge_by(
             lambda name: judged.below(over_keys[name][LOW], BLUE)
         ),
         "Sobol' is structured: a larger share of the strongest frequencies than (0,2)": judged.below(
             structured, share
         ),
         "ranked keys repeat themselves at the period of the tile: a correlation above 0.1": (
-            z_renderings.judged_by(lambda name: _above(measured[name], REPEATS, 0.1))
+            z_renderings.judge_by(lambda name: _above(measured[name], REPEATS, 0.1))
         ),
         "the spectrum of ranked keys has spikes at the tile's period: a tenth more than their share": (
-            z_renderings.judged_by(lambda name: _above(measured[name], SPIKES, 1.1))
+            z_renderings.judge_by(lambda name: _above(measured[name], SPIKES, 1.1))
         ),
         "Z has no such structure": judged.smaller(over_keys["Z"][SHARE], structured),
         "Z has less filtered error than (0,2)": judged.smaller(over_keys["Z"][FILTERED], white[FILTERED]),

@@ -12,7 +12,7 @@ from figures.making import heitz
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers, pixel_sets
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from figures.z import z_renderings
 from figures.z.z_1 import ways
 from qmcjax import samplers, scenes
@@ -55,7 +55,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "interior": scenes.interior(BOUNCES[quality]),
         "caustic": scenes.caustic(),
     }
-    figure = titled(
+    figure = new_figure(
         "Convergence on rendered scenes (Z paper, Fig. 11)\n"
         f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al.",
         11,
@@ -69,9 +69,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         area = diffusion.beside_window(side) if title == "interior" else diffusion.WHOLE
         exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
         origins += f"The reference of {title} is {exact.origin}. "
-        pixels = pixel_sets.drawn(side, PIXELS[quality], area)
+        pixels = pixel_sets.draw_sets(side, PIXELS[quality], area)
         made = {spp: _ways(len(scene.needs), side, spp, keys) for spp in counts}
-        found = errors[title] = pixel_sets.compared(
+        found = errors[title] = pixel_sets.compare(
             scene, exact, pixels, made, lambda part, done=done: progress((done + part) / len(compared))
         )
         floor = rms(exact.error[pixels.y, pixels.x])
@@ -160,9 +160,9 @@ def _claims(errors: Errors) -> Claims:
         "Z almost identical to (0,2), at the largest count": alike(_at(errors, max(counts))),
         "Sobol' eventually overtakes (0,2) and Z: it has by the largest count": overtaken("Sobol'"),
         "ranked keys eventually overtake (0,2) and Z: they have by the largest count": (
-            z_renderings.judged_by(overtaken)
+            z_renderings.judge_by(overtaken)
         ),
         "ranked keys tend to lead, surpassing Sobol': over the counts, it has the least product of errors": (
-            z_renderings.judged_by(leads)
+            z_renderings.judge_by(leads)
         ),
     }

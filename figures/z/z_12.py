@@ -109,15 +109,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         name: scene_images.image(scene, sampler, side, SPP) for name, sampler in ways(dims, side, SPP).items()
     }
     progress(0.1)
-    diffused = _diffused(scene, quality)
+    diffused = _filter_errors(scene, quality)
     progress(0.3)
     counts = [2**k for k in range(LARGEST[quality] + 1)]
     keys = range(KEY, KEY + KEYS[quality])
     of_keys = {spp: [ways(dims, side, spp, key) for key in keys] for spp in counts}
-    errors = pixel_sets.compared(
+    errors = pixel_sets.compare(
         scene,
         exact,
-        pixel_sets.drawn(side, PIXELS[quality]),
+        pixel_sets.draw_sets(side, PIXELS[quality]),
         {spp: {name: [made[name] for made in of] for name in of[0]} for spp, of in of_keys.items()},
         lambda part: progress(0.3 + 0.7 * part),
     )
@@ -148,7 +148,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "claims": _claims(diffused, errors), "note": note}
 
 
-def _diffused(scene: Any, quality: str) -> Errors:
+def _filter_errors(scene: Any, quality: str) -> Errors:
     """Return filtered errors of images of many keys: of all variants at two samples, of two at all counts."""
     dims, found = len(scene.needs), {}
     exact = diffusion.reference(scene, JUDGED_SIDE, SPP)

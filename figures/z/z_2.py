@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from figures._rc import VERMILLION
 from figures.shared.sheets.curve_tables import curve_of
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from qmcjax import orders
 
 BITS = 3
@@ -22,7 +22,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     binary = np.vectorize(lambda i: format(i, f"0{2 * BITS}b"))(index)
     quaternary = np.vectorize(lambda i: np.base_repr(i, 4).zfill(BITS))(index)
 
-    figure = titled("Morton order of 8 x 8 pixels (Z paper, Fig. 2)", 11, 5.6)
+    figure = new_figure("Morton order of 8 x 8 pixels (Z paper, Fig. 2)", 11, 5.6)
     panels = figure.subplots(1, 2)
     write(panels[0], index, binary, r"binary: $y_2 x_2 y_1 x_1 y_0 x_0$", 1)
     write(panels[1], index, quaternary, "base 4: one digit a level of quadrants", 2)

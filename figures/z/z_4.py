@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import analysis
 from figures._rc import BLUE, GREEN, ORANGE, SKY
 from figures.shared.sheets.curve_tables import Curve, curve_of
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 from qmcjax import orders
 
 SHOWN, CUT, COUNTED = 16, 8, 256
@@ -35,21 +35,21 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both orders, and the strips that the cuts make of a square."""
-    figure = titled("Morton and accordion order (Z paper, Fig. 4)", 15, 9.9)
+    figure = new_figure("Morton and accordion order (Z paper, Fig. 4)", 15, 9.9)
     grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
     panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
     _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")
     _draw(panels[1], curve_of(orders.accordion(SHOWN, SHOWN)), "accordion order")
-    reversed_cuts = _rolled(unfolded(4, [True])[-1])
+    reversed_cuts = _unroll(unfold(4, [True])[-1])
     _draw(panels[2], reversed_cuts, "two steps, the second one's cuts reversed: Moore")
-    strips = unfolded(CUT, [step % 2 == 1 for step in range(CUT.bit_length() - 2)])
+    strips = unfold(CUT, [step % 2 == 1 for step in range(CUT.bit_length() - 2)])
     _draw_strips(figure.add_subplot(grid[1, :]), strips)
 
     accordion = curve_of(orders.accordion(CUT, CUT))
-    chosen = [_rolled(unfolded(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
+    chosen = [_unroll(unfold(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
     morton = curve_of(orders.morton(COUNTED, COUNTED))
     sides = {"Morton": _adjacency(morton), "accordion": _adjacency(accordion)}
-    start, end = jump = _jump(_rolled(unfolded(4, [False])[-1]))
+    start, end = jump = _jump(_unroll(unfold(4, [False])[-1]))
     measured = {
         "quadrants in Morton's order": _quadrants(accordion),
         "16 blocks: the jump from green to gray, columns and rows": jump,
@@ -62,7 +62,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     claims = {
         "cutting and turning in the middle gives the accordion order": np.array_equal(
-            _rolled(strips[-1]).positions, accordion.positions
+            _unroll(strips[-1]).positions, accordion.positions
         ),
         "it swaps the blue and the gray block of Morton's order": _quadrants(accordion) == [0, 1, 3, 2],
         "the jump from green to gray goes from the bottom left to the top right": start[0] < end[0]
@@ -78,7 +78,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
-def unfolded(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
+def unfold(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
     """Return a square's pixels, numbered row by row, as a strip after each step of cutting and turning.
 
     The first cut parts the lower and the upper half. Each later step cuts the strip across into bars half as
@@ -95,7 +95,7 @@ def unfolded(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
     return strips
 
 
-def _rolled(strip: NDArray[np.int64]) -> Curve:
+def _unroll(strip: NDArray[np.int64]) -> Curve:
     """Return the order of the square's pixels along a strip that is one pixel wide."""
     side = round(strip.size**0.5)
     return Curve(np.argsort(strip, axis=None).reshape(side, side))

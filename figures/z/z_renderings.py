@@ -97,7 +97,7 @@ def beside(dims: int, key: int) -> dict[str, samplers.Sampler]:
     return {} if tables is None else {PUBLISHED: published(tables, dims, key)}
 
 
-def judged_by(claim: Callable[[str], Found | Mapping[str, Found]]) -> Found | Mapping[str, Found]:
+def judge_by(claim: Callable[[str], Found | Mapping[str, Found]]) -> Found | Mapping[str, Found]:
     """Return what a claim finds of ranked keys, and with published tables also of these, case by case."""
     found = {name: claim(name) for name in names()}
     if len(found) == 1:

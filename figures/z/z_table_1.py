@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 import qmcjax as qj
 from figures import plot
 from figures.shared.costs import in_turns
-from figures.shared.sheets.panels import text_table, titled
+from figures.shared.sheets.panels import new_figure, text_table
 from figures.z.z_3 import SoftShadow
 from qmcjax import orders, samplers, sequences
 from qmcjax.core.pytrees import pytree
@@ -155,7 +155,7 @@ def _within(ratios: dict[str, float]) -> dict[str, bool]:
 
 
 def _draw(images: dict[str, dict[str, float]], rates: dict[str, float], size: str) -> Figure:
-    figure = titled("Run times of images by sampler (Z paper, Table 1)", 12.5, 4.9, fontsize=11)
+    figure = new_figure("Run times of images by sampler (Z paper, Table 1)", 12.5, 4.9, fontsize=11)
     table, dots = figure.subplots(1, 2, width_ratios=(2.5, 1))
     _draw_table(table, images, size)
     _draw_rates(dots, rates)

@@ -165,7 +165,7 @@ def test_power_grows_with_keys_and_pairs_share_what_keys_have_in_common():
 def test_rates_of_distinctions():
     """What the program behind the figure finds: few false ones, and all true ones where samplers differ."""
     trials = 60
-    rows = coverage.measure(trials)
+    rows = coverage.measure_distinctions(trials)
     assert {(row["samplers"], row["keys"]) for row in rows} == set(product((2, 3, 6, 12), (4, 8, 16, 32)))
     assert all(row["rate"] < most(0.05, trials) for row in rows if row["ratio"] == 1)
     assert all(row["rate"] == 1 for row in rows if row["ratio"] == 1.5 and row["keys"] > 4)

@@ -81,7 +81,7 @@ def mean_and_variance(images):
 def test_same_image(name):
     """Means differ by less than 0.5 %, pixels by less than 5 sigma: the quantile of Welch's t as unlikely."""
     scene = SCENES[name]()
-    theirs, _ = mitsuba_scenes.rendered(scene, SIDE, SIDE, 64, list(range(REPLICATES)))
+    theirs, _ = mitsuba_scenes.render_image(scene, SIDE, SIDE, 64, list(range(REPLICATES)))
     (ours, our_variance), (theirs, their_variance) = (
         mean_and_variance(images) for images in (replicates(scene, 16), theirs.astype(np.float64))
     )
@@ -99,7 +99,7 @@ def test_same_image(name):
 
 def test_what_has_no_counterpart_is_refused():
     """What Mitsuba would make differently raises an error that names it; the rest is JSON."""
-    json.dumps(mitsuba_scenes.described(scenes.occluder().estimator, SIDE, SIDE))
+    json.dumps(mitsuba_scenes.describe(scenes.occluder().estimator, SIDE, SIDE))
     ball = tracing.sphere([0, 0, 0], 1.0, material=tracing.glossy(0.5, 0.2))
     checked = tracing.sphere([0, 0, 0], 1.0, material=tracing.diffuse(tracing.checker(0, 1)))
     for world, camera, message in (
@@ -109,6 +109,6 @@ def test_what_has_no_counterpart_is_refused():
         (tracing.world([]), tracing.camera([0, 0, 1], [0, 0, 0], aperture=1.0, blades=5), "blades"),
     ):
         with pytest.raises(ValueError, match=message):
-            mitsuba_scenes.described(tracing.direct_light(world, camera), SIDE, SIDE)
+            mitsuba_scenes.describe(tracing.direct_light(world, camera), SIDE, SIDE)
     with pytest.raises(ValueError, match="mirrors"):
-        mitsuba_scenes.described(tracing.direct_light(tracing.world([]), FRONT, mirrors=1), SIDE, SIDE)
+        mitsuba_scenes.describe(tracing.direct_light(tracing.world([]), FRONT, mirrors=1), SIDE, SIDE)

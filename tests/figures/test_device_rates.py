@@ -24,11 +24,11 @@ def test_units_in_the_last_place():
 def test_two_devices_are_compared(name):
     """With another processor as the device: the same bits."""
     cpu, device = jax.devices("cpu")
-    row = device_rates.compared(name, device, cpu, (N, 16, 4), (N // 2, 8, 4), least=0.0)
+    row = device_rates.compare(name, device, cpu, (N, 16, 4), (N // 2, 8, 4), least=0.0)
     assert row.ulps == 0 and 0 < row.rate < row.bound and row.processor > 0
     assert row.exact == (name == "Halton, 2-D")
 
 
 def test_there_are_no_rates_without_a_gpu():
     if all(device.platform == "cpu" for device in jax.devices()):
-        assert device_rates.measured("draft") == {}
+        assert device_rates.measure("draft") == {}

@@ -69,7 +69,7 @@ def test_bernstein_intervals_hold_means_and_are_wider_than_betting(chance):
 
 @pytest.mark.slow
 def test_intervals_are_those_of_integrate():
-    found = hundred_integrands.measured({"few": (8, 32), "many": (16, 32)}, [5], lambda part: None)
+    found = hundred_integrands.measure({"few": (8, 32), "many": (16, 32)}, [5], lambda part: None)
     assert set(found) == set(hundred_integrands.CASES)
     how = dict(replicates=8, key=5, interval="median")
     made = integrate(hundred_integrands.together, sequences.sobol(8), 32, **how)
@@ -85,7 +85,7 @@ def test_intervals_are_those_of_integrate():
 def test_results_to_a_tolerance_hold_integrals():
     """Few keys: 8 results of each of 9 integrands, and those that reached the tolerance are within it."""
     width = np.full(100, 0.02)
-    found = hundred_integrands.stopped("student", width, range(8), 2048, 12)
+    found = hundred_integrands.stop_at_tolerance("student", width, range(8), 2048, 12)
     assert found.held.shape == (8, 9) and set(np.unique(found.n)) <= {1024, 2048}
     assert found.held.mean() >= 0.95 - 5 * np.sqrt(0.95 * 0.05 / 72)
     assert found.reached.any() and (found.within[found.reached]).mean() > 0.85

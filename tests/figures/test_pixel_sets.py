@@ -17,7 +17,7 @@ def exact():
 
 def test_sets_are_distinct_pixels_of_the_area():
     area = slice(None), slice(8, 32)
-    pixels = pixel_sets.drawn(32, 20, area)
+    pixels = pixel_sets.draw_sets(32, 20, area)
     assert pixels.x.shape == pixels.y.shape == (pixel_sets.SETS, 20)
     assert pixels.x.min() >= 8 and pixels.x.max() < 32
     assert len(set(zip(pixels.x.ravel().tolist(), pixels.y.ravel().tolist(), strict=True))) == 320
@@ -37,8 +37,8 @@ def test_pixels_are_those_of_the_image_and_sets_are_divided_among_keys():
     scene = scenes.occluder()
     keys = [samplers.independent(sequences.sobol(5), key) for key in (1, 2)]
     exact = diffusion.Reference(np.zeros((16, 16, 3)), np.zeros((16, 16, 3)), "")
-    pixels = pixel_sets.drawn(16, 4)
-    found = pixel_sets.compared(scene, exact, pixels, {2: {"both": keys, "one": keys[:1]}})
+    pixels = pixel_sets.draw_sets(16, 4)
+    found = pixel_sets.compare(scene, exact, pixels, {2: {"both": keys, "one": keys[:1]}})
     images = [scene_images.image(scene, key, 16, 2) for key in keys]
     for part, image in zip((slice(0, 8), slice(8, 16)), images, strict=True):
         values = image[pixels.y[part], pixels.x[part]]

@@ -153,16 +153,16 @@ def test_without_a_file_claims_are_about_ranked_keys(monkeypatch):
     monkeypatch.delenv(heitz.SWITCH, raising=False)
     z_renderings._tables.cache_clear()
     assert z_renderings.names() == ("ranked keys",) and z_renderings.beside(4, 1) == {}
-    assert z_renderings.judged_by(lambda name: name == "ranked keys") is True
-    assert z_renderings.judged_by(lambda name: {"a scene": False}) == {"a scene": False}
+    assert z_renderings.judge_by(lambda name: name == "ranked keys") is True
+    assert z_renderings.judge_by(lambda name: {"a scene": False}) == {"a scene": False}
     assert z_renderings.note() == ""
 
 
 def test_with_a_file_claims_are_about_both(given):
     assert z_renderings.beside(4, 1).keys() == {"Heitz et al."}
-    found = z_renderings.judged_by(lambda name: name == "ranked keys")
+    found = z_renderings.judge_by(lambda name: name == "ranked keys")
     assert found == {"ranked keys": True, "Heitz et al.": False}
-    found = z_renderings.judged_by(lambda name: {"a scene": name != "ranked keys"})
+    found = z_renderings.judge_by(lambda name: {"a scene": name != "ranked keys"})
     assert found == {"a scene, ranked keys": False, "a scene, Heitz et al.": True}
     assert given.name in z_renderings.note()
 

@@ -10,7 +10,7 @@ from figures.__main__ import main
 from figures.making import stbn
 from figures.making.fingerprint import fingerprint
 from figures.ours import space_time
-from figures.ours.space_time import GAP, HEAD, averaged, moving_picture
+from figures.ours.space_time import GAP, HEAD, average, moving_picture
 from figures.plot import srgb
 from figures.shared.integrands import animations
 from qmcjax import scenes
@@ -166,7 +166,7 @@ def test_verdicts_say_what_is_undecided():
 def test_the_moving_picture_has_all_frames_and_their_averages():
     """Black and white frames in turn: the average of alpha swings by alpha / (2 - alpha) around the mean."""
     frames = np.broadcast_to((np.arange(8) % 2)[:, None, None], (8, 6, 10)).astype(float)
-    swing = averaged(frames, 0.2, rounds=20) - 0.5
+    swing = average(frames, 0.2, rounds=20) - 0.5
     np.testing.assert_allclose(swing, (frames - 0.5) * 0.2 / 1.8, atol=1e-6)
     file = moving_picture({"a": frames, "b": 1 - frames}, 0.2)
     with Image.open(io.BytesIO(file)) as picture:

@@ -131,11 +131,11 @@ def test_orders_of_pairs_differ():
 def test_what_is_timed_is_the_image_of_render(side, spp):
     """With several samples of each pixel in a call, and with one."""
     scene, sampler = scenes.function(colours, ("x", "y")), samplers.independent(sequences.sobol(2), 3)
-    image, seconds = traced_sweep.rendered(scene, sampler, side, spp)
+    image, seconds = traced_sweep.render_image(scene, sampler, side, spp)
     np.testing.assert_allclose(image, qj.render(scene, sampler, side, side, spp), atol=1e-6)
     assert seconds > 0
     with pytest.raises(ValueError, match="fill calls of 16384, got 2 of 64 x 64"):
-        traced_sweep.rendered(scene, sampler, 64, 2)
+        traced_sweep.render_image(scene, sampler, 64, 2)
 
 
 def test_the_time_for_an_error_and_what_is_best():
@@ -182,5 +182,5 @@ def test_coherent_rays_go_through_all_pixels_in_squares():
 def test_all_ways_are_timed_by_turns():
     calls = []
     ways = {name: lambda name=name: calls.append(name) for name in "ab"}
-    measured = ray_rates.timed_rates(ways, 100, 3)
+    measured = ray_rates.time_rates(ways, 100, 3)
     assert calls == list("abababab") and all(entry["per second"] > 0 for entry in measured.values())

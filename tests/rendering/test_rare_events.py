@@ -141,7 +141,7 @@ def test_intervals_of_indicators_hold_or_are_not_sure(cell):
 @pytest.mark.parametrize("limits", [False, True])
 def test_tolerances_that_are_reached_hold(limits):
     """Of 640 results, with up to 8 * 2**16 points; with limits also those of events that never came."""
-    found = rare_events.stopped(range(10), 2**16, limits, (0, 2, 4, 6))
+    found = rare_events.stop_at_tolerance(range(10), 2**16, limits, (0, 2, 4, 6))
     wrong = (found.reached & ~found.within).mean(axis=-1)
     assert (wrong <= 0.05 + 5 * np.sqrt(0.05 * 0.95 / 10)).all()
     assert wrong.mean() <= 0.05

@@ -8,7 +8,7 @@ from tables import first, is_net, slow
 
 from analysis import squared_min_distance
 from figures.thesis.chapter_5 import permutation_nets
-from figures.thesis.chapter_5.permutation_nets import moved
+from figures.thesis.chapter_5.permutation_nets import move
 from qmcjax import sequences
 
 # The permutation column of Table 5.1, under the root.
@@ -20,7 +20,7 @@ PRINTED = dict(
 def iterative(m: int) -> np.ndarray:
     """Return the net as the thesis builds it step by step, in order of the first coordinate."""
     unwrapped = permutation_nets.unwrapped_odd if m % 2 else permutation_nets.unwrapped_even
-    net = permutation_nets.wrapped(unwrapped(m))
+    net = permutation_nets.wrap(unwrapped(m))
     return net[np.argsort(net[:, 0])]
 
 
@@ -48,11 +48,11 @@ def test_step_1_for_even_m_as_the_formula_has_it(m):
     parts = permutation_nets.START
     while sum(map(len, parts)) < 2**m:
         n = sum(map(len, parts))
-        doubled = [moved(2 * part, (i + 1) % 2, 0) for i, part in enumerate(parts)]
-        extended = [np.concatenate([part, moved(part, n // 2, 2 * n)]) for part in doubled]
+        doubled = [move(2 * part, (i + 1) % 2, 0) for i, part in enumerate(parts)]
+        extended = [np.concatenate([part, move(part, n // 2, 2 * n)]) for part in doubled]
         lower, upper = np.concatenate(extended[:2]), np.concatenate(extended[2:])
-        parts = (lower, upper, moved(lower, 2 * n, 1), moved(upper, 2 * n, 1))
-    other = permutation_nets.wrapped(np.concatenate(parts))
+        parts = (lower, upper, move(lower, 2 * n, 1), move(upper, 2 * n, 1))
+    other = permutation_nets.wrap(np.concatenate(parts))
     for net, squared in ((iterative(m), PRINTED[m]), (other, 41 * 2 ** (m - 6))):
         assert is_net(net.astype(np.uint32) << np.uint32(32 - m), m)
         assert squared_min_distance(net, side=2**m, shear=2 ** (m - 2)) == squared
@@ -63,14 +63,14 @@ def pixels(m: int, columns: int, rows: int) -> np.ndarray:
     row, index = np.meshgrid(first(rows), first(2**m), indexing="ij")
     points = np.asarray(in_row(m, row, index)).astype(np.int64) >> (32 - m)
     points[..., 1] += row << m
-    across = [moved(points, column << m, 0) for column in range(columns)]
+    across = [move(points, column << m, 0) for column in range(columns)]
     return np.stack(across).reshape(-1, 2)
 
 
 def sheared_tiles(net: np.ndarray, columns: int, rows: int) -> np.ndarray:
     """Return the points on a screen whose rows of tiles move a quarter against the row below."""
     n = len(net)
-    tiles = [moved(net, a * n + b * n // 4, b * n) for a in range(-rows, columns) for b in range(rows)]
+    tiles = [move(net, a * n + b * n // 4, b * n) for a in range(-rows, columns) for b in range(rows)]
     whole = np.concatenate(tiles)
     return whole[(whole[:, 0] >= 0) & (whole[:, 0] < columns * n)]
 

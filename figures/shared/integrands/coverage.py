@@ -115,7 +115,7 @@ def cells(sequence: str, dtype: str, n: int, replicates: int, trials: int) -> li
     ]
 
 
-def measured(paper: bool) -> list[Cell]:
+def measure_coverage(paper: bool) -> list[Cell]:
     """Return the cells of all sequences, dtypes, sizes and numbers of replicates; in drafts, of a few."""
     if not paper:
         return cells("Sobol'", "float32", 2**8, 4, 20)
@@ -139,7 +139,7 @@ ERRORS: dict[str, Callable[[Generator, tuple[int, ...]], NDArray[np.float64]]] =
 """The first as of images, whose errors are means over many pixels; the others have heavy tails."""
 
 
-def measure(trials: int) -> list[dict[str, float | int | str]]:
+def measure_distinctions(trials: int) -> list[dict[str, float | int | str]]:
     """Return rates of distinctions by Holm's procedure.
 
     If ``ratio`` is 1, all samplers are identical, and the rate is the fraction of trials that distinguish any

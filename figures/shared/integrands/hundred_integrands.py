@@ -233,7 +233,7 @@ def bernstein(values: NDArray[np.float64], level: float) -> tuple[NDArray[np.flo
     return np.maximum(middle - half, 0), np.minimum(middle + half, 1)
 
 
-def measured(
+def measure(
     sizes: Mapping[str, tuple[int, int]], keys: Iterable[int], progress: Callable[[float], None]
 ) -> dict[Case, Intervals]:
     """Return the intervals of all cases. ``sizes``: few and many replicates, and points of each."""
@@ -260,7 +260,7 @@ def measured(
     }
 
 
-def stopped(
+def stop_at_tolerance(
     kind: str,
     width: NDArray[np.float64],
     keys: Iterable[int],

@@ -129,7 +129,7 @@ class Stopped(NamedTuple):
     n: NDArray[np.int64]
 
 
-def stopped(
+def stop_at_tolerance(
     keys: Iterable[int], most: int, limits: bool, which: tuple[int, ...], replicates: int = 8
 ) -> Stopped:
     """Integrate all events of some probabilities, by their numbers, to their tolerances."""

@@ -1,7 +1,7 @@
 """Images by Mitsuba 3 with its samplers and ours, and their times, in a process of its own.
 
 Images: ``python -m`` and the name of this module. The task comes in JSON at standard input: the name of a
-scene, a side, runs, and the file for the result. Times: `measured`. The task has a variant, the names of
+scene, a side, runs, and the file for the result. Times: `measure`. The task has a variant, the names of
 samplers, the side of images, samples per pixel, and the number of turns.
 """
 
@@ -132,7 +132,7 @@ def _rough(metal: str, alpha: float) -> dict[str, Any]:
     return {"type": "roughconductor", "material": metal, "alpha": alpha}
 
 
-def loaded(mitsuba: Any, name: str, side: int, run: Run) -> Any:
+def load(mitsuba: Any, name: str, side: int, run: Run) -> Any:
     """Return a scene with the sampler of an image."""
     described = SCENES[name](mitsuba)
     film = mitsuba.load_dict(mitsuba_scenes.film(side, side))
@@ -150,7 +150,7 @@ SCENE, KEY = "Cornell box", 1
 MODES = {"symbolic": True, "evaluated": False}
 
 
-def measured(task: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
+def measure(task: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
     """Return first and median seconds of images, by modes and samplers: all samplers take turns."""
     bridge.register(task["variant"])
     import drjit  # pyright: ignore[reportMissingImports]
@@ -170,7 +170,7 @@ def measured(task: dict[str, Any]) -> dict[str, dict[str, list[float]]]:
 
 
 def _call(mitsuba: Any, drjit: Any, name: str, symbolic: bool, side: int, spp: int) -> Any:
-    scene = loaded(mitsuba, SCENE, side, Run(name, spp, KEY))
+    scene = load(mitsuba, SCENE, side, Run(name, spp, KEY))
 
     def call(turn: int) -> float:
         with drjit.scoped_set_flag(drjit.JitFlag.SymbolicLoops, symbolic):
@@ -190,7 +190,7 @@ def main() -> None:
 
     images = []
     for run in (Run(*given) for given in task["runs"]):
-        scene = loaded(mitsuba, task["scene"], task["side"], run)
+        scene = load(mitsuba, task["scene"], task["side"], run)
         # The key of ours is the sampler's.
         seed = 0 if run.sampler in OURS else run.seed
         image: Any = mitsuba.render(scene, spp=run.spp, seed=seed)  # pyright: ignore[reportArgumentType]

@@ -41,7 +41,7 @@ class Run(NamedTuple):
     seed: int
 
 
-def rendered(
+def render_image(
     scene: tracing.Estimator, width: int, height: int, spp: int, seeds: list[int]
 ) -> tuple[NDArray[np.float32], list[float]]:
     """Return images (seeds, height, width, 3) by independent samples and the seconds that each took."""
@@ -58,7 +58,7 @@ def run(
     samplers round the number of samples up.
     """
     with tempfile.TemporaryDirectory() as folder:
-        task = {"scene": described(scene, width, height), "runs": runs, "folder": folder}
+        task = {"scene": describe(scene, width, height), "runs": runs, "folder": folder}
         own_process.run(mitsuba_process, task=task)
         with np.load(Path(folder) / mitsuba_process.RESULT) as result:
             return result["images"], result["seconds"].tolist(), result["counts"].tolist()
@@ -70,7 +70,7 @@ def film(width: int, height: int) -> dict[str, Any]:
     return {"type": "hdrfilm", "pixel_format": "rgb", "component_format": "float32", **size}
 
 
-def described(scene: tracing.Estimator, width: int, height: int) -> dict[str, Any]:
+def describe(scene: tracing.Estimator, width: int, height: int) -> dict[str, Any]:
     """Return the dictionary that Mitsuba loads, in JSON: matrices and triangles are lists.
 
     The last surface of a path of ours is lit by lights that are sampled, of Mitsuba's by those that a mirror

@@ -30,7 +30,7 @@ class Pixels(NamedTuple):
     y: NDArray[np.uint32]
 
 
-def drawn(side: int, each: int, area: diffusion.Area = diffusion.WHOLE) -> Pixels:
+def draw_sets(side: int, each: int, area: diffusion.Area = diffusion.WHOLE) -> Pixels:
     """Draw sets of ``each`` pixels of an area at random."""
     rows, columns = (np.arange(side, dtype=np.uint32)[part] for part in area)
     chosen = np.random.default_rng(1).permutation(rows.size * columns.size)[: SETS * each]
@@ -40,7 +40,7 @@ def drawn(side: int, each: int, area: diffusion.Area = diffusion.WHOLE) -> Pixel
 
 def all_pixels(side: int) -> Pixels:
     """Divide an image into sets at random."""
-    return drawn(side, side**2 // SETS)
+    return draw_sets(side, side**2 // SETS)
 
 
 def errors(values: NDArray[np.float64], exact: diffusion.Reference, pixels: Pixels) -> NDArray[np.float64]:
@@ -55,7 +55,7 @@ def errors(values: NDArray[np.float64], exact: diffusion.Reference, pixels: Pixe
     return np.sqrt(np.maximum(square - noise, noise))
 
 
-def compared(
+def compare(
     scene: Any,
     exact: diffusion.Reference,
     pixels: Pixels,

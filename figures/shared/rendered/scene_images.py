@@ -91,7 +91,7 @@ def _means(
         given = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
         points = points_of(*given, tuple(range(len(scene.needs))))
         points[..., :2] = (points[..., :2] + pixels[:, None]) / side
-        total = total + _evaluated(scene, points).sum(axis=-2)
+        total = total + _evaluate(scene, points).sum(axis=-2)
     return total / spp
 
 
@@ -100,14 +100,16 @@ def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDA
     return image(scene, sampler, side, spp, of_many=True)
 
 
-def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int, quality: str) -> NDArray[np.float64]:
+def render_image(
+    scene: Any, sampler: samplers.Sampler, side: int, spp: int, quality: str
+) -> NDArray[np.float64]:
     """Return an image by `qmcjax.render`, in drafts by the program that all samplers share."""
     if quality == "paper":
         return np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
     return replicate(scene, sampler, side, spp)
 
 
-def compared(
+def compare(
     scene: Any,
     side: int,
     ways: Mapping[int, Mapping[str, samplers.Sampler]],
@@ -167,7 +169,7 @@ def _calls(values: NDArray, size: int) -> NDArray:
     return np.pad(values, padding, mode="edge").reshape(-1, size, *values.shape[1:])
 
 
-def _evaluated(scene: Any, points: NDArray) -> NDArray[np.float64]:
+def _evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
     """Evaluate a scene at points of any shape, in calls of one size."""
     flat = points.reshape(-1, points.shape[-1])
     calls = _calls(flat, POINTS)

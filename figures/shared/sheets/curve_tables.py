@@ -72,7 +72,7 @@ def square(name: str, binary: int, ternary: int) -> Curve:
     return curve_of(CURVES[name](side, side))
 
 
-def enumerated(curve: Curve, sequence: sequences.Sequence, dim: int = 0) -> NDArray[np.float64]:
+def enumerate_pixels(curve: Curve, sequence: sequences.Sequence, dim: int = 0) -> NDArray[np.float64]:
     """Return the image of one coordinate of a sequence whose points go along the curve, one per pixel."""
     points = sequence.points(curve.positions.size, dtype=jnp.float64)
     return np.asarray(points)[curve.positions, dim]

@@ -47,7 +47,7 @@ def image_grid(
     return figure
 
 
-def magnified(caption: str, image: NDArray, crop: tuple[float, float, float]) -> list[Panel]:
+def magnify(caption: str, image: NDArray, crop: tuple[float, float, float]) -> list[Panel]:
     """Return a picture, and an area of it to be magnified: left and upper edge and side in parts of it."""
     left, upper, part = (round(c * len(image)) for c in crop)
     area = image[upper : upper + part, left : left + part]
@@ -57,7 +57,7 @@ def magnified(caption: str, image: NDArray, crop: tuple[float, float, float]) ->
     ]
 
 
-def magnified_sheet(
+def magnify_all(
     title: str, pairs: Sequence[Sequence[Panel]], columns: int, size: int, below: bool = False
 ) -> Figure:
     """Draw images with their magnified areas on their right, or below, both up to ``size`` pixels a side."""

@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from figures.plot import Style
 
 
-def titled(title: str, width: float, height: float, **look: Any) -> Figure:
+def new_figure(title: str, width: float, height: float, **look: Any) -> Figure:
     """Return a figure of a size in inches whose panels find their own places."""
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.suptitle(title, **look)

@@ -105,20 +105,20 @@ def programs(n: int, side: int, spp: int) -> dict[str, Callable[[], Program]]:
     }
 
 
-def measured(quality: str) -> dict[str, Any]:
+def measure(quality: str) -> dict[str, Any]:
     """Return the rates of programs by name; nothing without a GPU."""
     found = [device for device in jax.devices() if device.platform != "cpu"]
     if not found:
         return {}
     cpu, least = jax.devices("cpu")[0], LEAST[quality]
-    rows = {name: compared(name, found[0], cpu, FAST, SLOW, least)._asdict() for name in programs(*SLOW)}
+    rows = {name: compare(name, found[0], cpu, FAST, SLOW, least)._asdict() for name in programs(*SLOW)}
     return {"device": found[0].device_kind, "programs": rows}
 
 
 Sizes = tuple[int, int, int]
 
 
-def compared(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least: float) -> Row:
+def compare(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least: float) -> Row:
     """Time a program on two devices, and compare what they make of the same arguments."""
     rate, _ = _rate(name, device, fast, least)
     _, here = _rate(name, device, slow, least)

@@ -54,7 +54,7 @@ def overhead(side: int, spp: int, most: int) -> dict[str, float]:
     return {"side": side, "spp": spp, "seconds": clock, "processor seconds": busy}
 
 
-def measured(quality: str) -> dict[str, Any]:
+def measure(quality: str) -> dict[str, Any]:
     """Return what images cost over pixels and over samples, and what a mesh does."""
     most = MOST[quality]
     return {

@@ -72,7 +72,7 @@ def scaling(measure: Measure, last: int) -> dict[str, Any]:
     return rows | {"theory": measure.theory, "dims": measure.dims}
 
 
-def measured(quality: str) -> dict[str, dict[str, Any]]:
+def measure(quality: str) -> dict[str, dict[str, Any]]:
     """Return time and memory by measure."""
     with jax.enable_x64(True):
         return {

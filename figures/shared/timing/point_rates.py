@@ -44,7 +44,7 @@ def ours(sequence: sequences.Sequence, n: int, repeat: bool = False) -> dict[str
     return {"float32": draw(jnp.float32), "float64": draw(jnp.float64)}
 
 
-def consumed(sequence: sequences.Sequence, n: int) -> dict[str, Draw]:
+def consume(sequence: sequences.Sequence, n: int) -> dict[str, Draw]:
     """Return the mean of blocks of n points in one program that keeps no points."""
 
     def draw(dtype: type) -> Draw:
@@ -86,7 +86,7 @@ def torch_engine(dims: int, n: int, scramble: bool) -> dict[str, Draw]:
     return {}
 
 
-def averaged(peers: dict[str, Draw]) -> dict[str, Draw]:
+def average(peers: dict[str, Draw]) -> dict[str, Draw]:
     """Return the peers with the mean taken of what they draw."""
 
     def mean(draw: Draw) -> Draw:
@@ -116,12 +116,12 @@ def cases(quality: str) -> list[Case]:
         listed += [
             Case(f"Sobol' {size}", n * dims, ours(sobol, n), plain),
             Case(f"Sobol' {size}, Owen (peers: linear) scrambled", n * dims, ours(owen, n), scrambled),
-            Case(f"mean of Sobol' {size}", n * dims, consumed(sobol, n), averaged(plain)),
+            Case(f"mean of Sobol' {size}", n * dims, consume(sobol, n), average(plain)),
             Case(
                 f"mean of Sobol' {size}, Owen (peers: linear) scrambled",
                 n * dims,
-                consumed(owen, n),
-                averaged(scrambled),
+                consume(owen, n),
+                average(scrambled),
             ),
         ]
     n, dims = 2 ** (20 - shrink), 16
@@ -170,7 +170,7 @@ def memory(dtype: type) -> float | None:
     return peak and peak / (2**21 * 32 * np.dtype(dtype).itemsize)
 
 
-def measured(quality: str) -> dict[str, Any]:
+def measure(quality: str) -> dict[str, Any]:
     """Return rates by case, and memory by the type of points."""
     warnings.simplefilter("ignore")
     linux = sys.platform == "linux"

@@ -46,7 +46,7 @@ Rates = dict[str, dict[str, dict[str, float]]]
 """By rays and way: per second, per processor second, and the seconds of the first call."""
 
 
-def measured(quality: str) -> tuple[Rates, str]:
+def measure(quality: str) -> tuple[Rates, str]:
     """Let all ways search in turns, and return their rates, and how they were measured."""
     count, meshes, turns = SIZES[quality]
     rates: Rates = {}
@@ -57,7 +57,7 @@ def measured(quality: str) -> tuple[Rates, str]:
             ways = {way: partial(search, *rays) for way, search in _ways(world, False).items()}
             if EMBREE:
                 ways |= _embree(vertices, *rays)
-            rates[f"{size} triangles, {name} rays"] = timed_rates(ways, count, turns)
+            rates[f"{size} triangles, {name} rays"] = time_rates(ways, count, turns)
     fastest = ("compiled",) if FAST else ("fused loops",)
     of_helicopter = fastest if quality == "draft" else WAYS
     rates["helicopter, primary and shadow rays"] = _helicopter(count, turns, of_helicopter)
@@ -180,10 +180,10 @@ def _helicopter(count: int, turns: int, ways: tuple[str, ...]) -> dict[str, dict
         nearest[name](origin, way, time)
         shadow[name](hit.point, light, time, limit)
 
-    return timed_rates({name: partial(both, name) for name in nearest if name in ways}, 2 * count, turns)
+    return time_rates({name: partial(both, name) for name in nearest if name in ways}, 2 * count, turns)
 
 
-def timed_rates(ways: dict[str, Call], count: int, turns: int) -> dict[str, dict[str, float]]:
+def time_rates(ways: dict[str, Call], count: int, turns: int) -> dict[str, dict[str, float]]:
     """Return rays per second of medians, those of the least processor time, and seconds of the first call."""
     calls = {name: lambda _, call=call: call() for name, call in ways.items()}
     return {

@@ -50,7 +50,7 @@ ADAPTIVE = "Hilbert, Owen"
 """Also measured where constant pixels are skipped."""
 
 
-def compared(
+def compare(
     scene: Any, entries: Mapping[str, tuple[Make, bool]], side: int, spp: int, calls: int
 ) -> dict[str, tuple[list[float], list[float]]]:
     """Return seconds and RMS errors of images, the first of which compiles, pixels skipped or not."""
@@ -77,7 +77,7 @@ def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
     if hasattr(scene, "varies"):
         entries[f"{ADAPTIVE}, adaptive"] = SAMPLERS[ADAPTIVE], True
     rows = []
-    for who, (seconds, errors) in compared(scene, entries, side, spp, calls).items():
+    for who, (seconds, errors) in compare(scene, entries, side, spp, calls).items():
         low, median, high = np.quantile(seconds[1:], [0.25, 0.5, 0.75])
         rows.append(
             {
@@ -95,7 +95,7 @@ def sweep(name: str, side: int, spp: int, calls: int) -> list[dict]:
     return rows
 
 
-def measured(quality: str) -> dict[str, Any]:
+def measure(quality: str) -> dict[str, Any]:
     """Return the rows of all scenes."""
     side, counts, calls = SIZES[quality]
     shown = SCENES if quality == "paper" else DRAFTED

@@ -37,7 +37,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured: dict = {}
     for panel, (name, stop) in zip(axes, STOPS.items(), strict=True):
         low, high = _box(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), 0.0, stop)
-        path = _turned(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.linspace(0.0, stop, ANGLES))
+        path = _turn(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.linspace(0.0, stop, ANGLES))
         brute = path.min(axis=(0, 1)), path.max(axis=(0, 1))
         at_corner = path[:, -1, 0]
         reached = np.linspace(0, stop, ANGLES)[at_corner.argmax()]
@@ -99,7 +99,7 @@ def _box(points: NDArray, axis: NDArray, start: float, end: float) -> tuple[NDAr
     return np.asarray(low, np.float64), np.asarray(high, np.float64)
 
 
-def _turned(points: NDArray, axis: NDArray, angles: NDArray) -> NDArray[np.float64]:
+def _turn(points: NDArray, axis: NDArray, angles: NDArray) -> NDArray[np.float64]:
     """Return points turned by Rodrigues' formula, [angle, point, coordinate]."""
     axis = axis / np.linalg.norm(axis)
     cosine, sine = np.cos(angles)[:, None, None], np.sin(angles)[:, None, None]
@@ -119,7 +119,7 @@ def _in_random_frames() -> dict[str, list[float]]:
     for _ in range(ROTATIONS):
         corners = random.normal(size=3) + random.uniform(0.1, 1, 3) * unit
         axis, (start, end) = random.normal(size=3), random.uniform(-np.pi, np.pi, 2)
-        path = _turned(corners, axis, np.linspace(start, end, 2000)).reshape(-1, 3)
+        path = _turn(corners, axis, np.linspace(start, end, 2000)).reshape(-1, 3)
         exact = _volume(path.min(axis=0), path.max(axis=0))
         found["rotation_box"].append(_volume(*_box(corners, axis, start, end)) / exact)
         # Rows of the frame: the axis is its last, so that its coordinate w stays.
@@ -137,7 +137,7 @@ def _grid(*coordinates: Any) -> NDArray:
 
 def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high: NDArray) -> None:
     def turned(angle: float) -> NDArray:
-        return _turned(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.array([angle]))[0, :, :2]
+        return _turn(_in_space(CORNERS), np.array([0.0, 0.0, 1.0]), np.array([angle]))[0, :, :2]
 
     look: dict[str, Any] = {"color": "gold", "alpha": 0.5, "lw": 0, "label": "box of the rotation"}
     axes.add_patch(Rectangle((low[0], low[1]), *(high - low)[:2], **look))

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from figures.shared.sheets.panels import legend_below, name_axes, titled
+from figures.shared.sheets.panels import legend_below, name_axes, new_figure
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing import motion
 
@@ -42,11 +42,11 @@ def at(path: Any, times: ArrayLike) -> NDArray[np.float64]:
     known = np.asarray(times, np.float64)
     blocks = np.pad(known, (0, -len(known) % BLOCK), mode="edge").reshape(-1, BLOCK)
     with jax.enable_x64(True):
-        return np.concatenate([np.asarray(_evaluated(path, block)) for block in blocks])[: len(known)]
+        return np.concatenate([np.asarray(_evaluate(path, block)) for block in blocks])[: len(known)]
 
 
 @jit()
-def _evaluated(path: Any, times: jax.Array) -> jax.Array:
+def _evaluate(path: Any, times: jax.Array) -> jax.Array:
     return path(times)
 
 
@@ -59,7 +59,7 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
 
 def pair(title: str, width: float = 9) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = titled(title, width, 4.3)
+    figure = new_figure(title, width, 4.3)
     return figure, list(figure.subplots(1, 2))
 
 
@@ -101,7 +101,7 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     weighted = at(motion.nurbs(np.eye(COUNT), without, KNOTS, DEGREE), u)
 
     title = "Cubic B-spline basis functions, end knots four times each (thesis Fig. 2.1)"
-    figure = titled(title, 9, 4, fontsize=10)
+    figure = new_figure(title, 9, 4, fontsize=10)
     axes = figure.subplots()
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from figures.shared.sheets.panels import legend_below, titled
+from figures.shared.sheets.panels import legend_below, new_figure
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 
@@ -41,7 +41,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both, and compare the thesis's way with the library's in random configurations."""
     count = RANDOM[quality]
-    figure = titled("A moving triangle, and when a ray hits it (thesis Fig. 3.1)", 10, 4.2)
+    figure = new_figure("A moving triangle, and when a ray hits it (thesis Fig. 3.1)", 10, 4.2)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1))
     _scene(figure.add_subplot(grid[:, 0]))
     opened, closed = _random(count)
@@ -56,7 +56,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         _areas(figure.add_subplot(grid[row, 1]), name, ray, found[name])
     legend_below(figure, figure.axes[1])
     progress(0.5)
-    mine, theirs = _toggled(opened, closed), theirs[shown:]
+    mine, theirs = _toggle(opened, closed), theirs[shown:]
     same = np.array([_close(a, b) for a, b in zip(mine, theirs, strict=True)])
     off = _off_plane(opened, closed)
     far_off = float(np.mean(off > 0.01))
@@ -136,7 +136,7 @@ def _off_plane(opened: NDArray, closed: NDArray) -> NDArray:
     return height / side
 
 
-def _toggled(opened: NDArray, closed: NDArray) -> list[list[tuple[float, float]]]:
+def _toggle(opened: NDArray, closed: NDArray) -> list[list[tuple[float, float]]]:
     """Return intervals as the thesis finds them: the state at first, turned over at patches of edges."""
     p, q = opened.astype(np.float64)[..., :2], closed.astype(np.float64)[..., :2]
 
@@ -167,7 +167,7 @@ ALONG = np.array([0, 0, 1], np.float32)
 
 
 @jit()
-def _seen(opened: jax.Array, closed: jax.Array) -> tracing.VisibleIntervals:
+def _first_hits(opened: jax.Array, closed: jax.Array) -> tracing.VisibleIntervals:
     def one(opened: jax.Array, closed: jax.Array) -> tracing.VisibleIntervals:
         world = tracing.world([tracing.triangles(opened[None], closed[None])])
         # From behind all that is normally distributed.
@@ -177,7 +177,7 @@ def _seen(opened: jax.Array, closed: jax.Array) -> tracing.VisibleIntervals:
 
 
 def _library(opened: NDArray, closed: NDArray) -> list[list[tuple[float, float]]]:
-    found = _seen(opened, closed)
+    found = _first_hits(opened, closed)
     start, end, shape = (np.asarray(part, float) for part in (found.start, found.end, found.shape))
     rows = zip(start, end, shape >= 0, strict=True)
     return [list(zip(a[used].tolist(), b[used].tolist(), strict=True)) for a, b, used in rows]

@@ -103,7 +103,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         best=f"{list(found['one time each'].values())[-1]['window']:g}",
         mean=", ".join(f"{kind} {error:.3f}" for kind, error in mean_error.items()),
     )
-    figure = _drawn(found, maps, means, floor, size)
+    figure = _draw(found, maps, means, floor, size)
     progress(1.0)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
@@ -141,7 +141,7 @@ def _exact(x: NDArray, z: NDArray, time: float) -> NDArray[np.float64]:
     return np.where(lit, HEIGHT / (x * x + z * z + HEIGHT**2) ** 1.5, 0)
 
 
-def _estimated(found: tracing.Photons, floor: NDArray, times: Any, radius: float, window: float) -> NDArray:
+def _estimate(found: tracing.Photons, floor: NDArray, times: Any, radius: float, window: float) -> NDArray:
     images = [found.irradiance(floor, [0.0, 1, 0], time, radius, window)[..., 0] for time in times]
     return np.stack(images)
 
@@ -158,7 +158,7 @@ def _best(
     """Return errors with the radius and window that have the least."""
     best: dict[str, Any] = {"all": np.inf}
     for radius, window in _choices(kind, log):
-        squares = (_estimated(found, floor, times, radius, window) - exact) ** 2
+        squares = (_estimate(found, floor, times, radius, window) - exact) ** 2
         errors = {
             "all": float(np.sqrt(squares.mean())),
             "still": float(np.sqrt(squares[:, ~changes].mean())),
@@ -189,7 +189,7 @@ def _over_shutter(
     images = {"exact": np.mean([_exact(x, z, time) for time in (np.arange(256) + 0.5) / 256], axis=0)}
     for kind, of_kind in maps.items():
         # Windows side by side: each photon counts once.
-        images[kind] = _estimated(of_kind, floor, times, radius, 1 / count).mean(axis=0)
+        images[kind] = _estimate(of_kind, floor, times, radius, 1 / count).mean(axis=0)
     errors = {kind: rms((images[kind] - images["exact"])[~changes]) for kind in KINDS}
     return images, errors
 
@@ -209,14 +209,14 @@ def _times_more(found: Found, part: str, counted: str | None = None) -> float:
     return float(np.exp(needed - of_intervals[row]))
 
 
-def _drawn(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, size: Size) -> Figure:
+def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, size: Size) -> Figure:
     log = size.logs[-1]
     x, z = floor[..., 0], floor[..., 2]
     limits = (0.0, 1.2)
     panels = [Panel("t = 1/2, exact", _exact(x, z, 0.5), limits)]
     for kind, of_kind in maps.items():
         last = list(found[kind].values())[-1]
-        image = _estimated(of_kind, floor, [0.5], last["radius"], last.get("window", 1.0))[0]
+        image = _estimate(of_kind, floor, [0.5], last["radius"], last.get("window", 1.0))[0]
         panels.append(Panel(f"t = 1/2, {kind}", image, limits))
     panels.append(Panel("mean over the shutter, exact", means["exact"], limits))
     panels += [Panel(f"mean, {kind}", means[kind], limits) for kind in KINDS]

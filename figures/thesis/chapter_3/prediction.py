@@ -62,16 +62,16 @@ class Seen(NamedTuple):
     """(n, 3)."""
 
 
-def seen(side: int, time: float, camera: tracing.Camera = CAMERA) -> Seen:
+def first_hits(side: int, time: float, camera: tracing.Camera = CAMERA) -> Seen:
     """Return what the middles of side x side pixels see."""
     middles = ((np.arange(side) + 0.5) / side).astype(np.float32)
     x, y = (jnp.asarray(a.ravel()) for a in np.meshgrid(middles, middles))
-    number, point = _seen(sliding_box(camera), x, y, jnp.full_like(x, time))
+    number, point = _first_hits(sliding_box(camera), x, y, jnp.full_like(x, time))
     return Seen(np.asarray(number), np.asarray(point))
 
 
 @jax.jit
-def _seen(
+def _first_hits(
     of: tracing.DirectLight, x: jax.Array, y: jax.Array, time: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     sight = of.camera.rays(x, y, time, ())
@@ -80,7 +80,7 @@ def _seen(
     return hit.shape, hit.point
 
 
-def sampled(
+def render_interval(
     side: int,
     spp: int,
     quality: str,
@@ -92,7 +92,7 @@ def sampled(
     shutter = np.array([which, which + 1]) / intervals
     of = sliding_box(replace(camera, shutter=shutter))
     sampler = samplers.independent(sequences.sobol(len(of.needs)), 1)
-    return scene_images.rendered(of, sampler, side, spp, quality)
+    return scene_images.render_image(of, sampler, side, spp, quality)
 
 
 class Size(NamedTuple):
@@ -138,7 +138,7 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     progress(0.3)
     truth = []
     for which in range(count):
-        truth.append(sampled(size.side, size.exact, quality, count, which))
+        truth.append(render_interval(size.side, size.exact, quality, count, which))
         progress(0.3 + 0.7 * (which + 1) / count)
     middle = count // 2
     images = {
@@ -147,7 +147,7 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "corrected": corrected.images[middle],
     }
     errors = {name: rms(image - truth[middle]) for name, image in images.items()}
-    box = (seen(size.side, 0.5).number == BOX).reshape(size.side, size.side)
+    box = (first_hits(size.side, 0.5).number == BOX).reshape(size.side, size.side)
     of_box = {name: rms(image[box] - truth[middle][box]) for name, image in images.items()}
     blended, predicted, _ = of_box.values()
     apart = {
@@ -245,7 +245,7 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     scene = sliding_box(SHAKEN)
     raw, checked = found(scene, 0), found(scene, CHECKS)
     progress(0.5)
-    truth = sampled(side, size.exact, quality, 3, 1, SHAKEN)
+    truth = render_interval(side, size.exact, quality, 3, 1, SHAKEN)
     holes = raw.samples[1] > 0
     parts: Any = ndimage.label(holes)
     labels, count = parts
@@ -289,11 +289,11 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
 def _mesh(axes: Axes, image: NDArray, time: float) -> None:
     """Draw the triangles between pixels of an image of the time 1/6, moved to another one."""
     start = np.float32(1 / 6)
-    number, point = seen(MESH, float(start), SHAKEN)
+    number, point = first_hits(MESH, float(start), SHAKEN)
     (before, at), (after, to) = (tuple(np.asarray(a) for a in path()(jnp.float32(t))) for t in (start, time))
     moved = (point - at) @ np.linalg.inv(before).T @ after.T + to
     point = jnp.asarray(np.where((number == BOX)[:, None], moved, point))
-    u, v, depth = (np.asarray(a) for a in _projected(point, jnp.full_like(point[:, 0], time)))
+    u, v, depth = (np.asarray(a) for a in _project(point, jnp.full_like(point[:, 0], time)))
     block = len(image) // MESH
     colors = shown(image.reshape(MESH, block, MESH, block, 3).mean(axis=(1, 3))).reshape(-1, 3)
     pixel = np.arange(MESH * MESH).reshape(MESH, MESH)
@@ -309,7 +309,7 @@ def _mesh(axes: Axes, image: NDArray, time: float) -> None:
 
 
 @jax.jit
-def _projected(point: jax.Array, time: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
+def _project(point: jax.Array, time: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     return SHAKEN.projected((point[:, 0], point[:, 1], point[:, 2]), jnp.ones_like(time), time)
 
 

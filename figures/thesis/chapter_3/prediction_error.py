@@ -61,7 +61,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     size = SIZES[quality]
     side, count = size.side, 2**LEVELS + 1
     scene = prediction.sliding_box()
-    exact = prediction.sampled(side, size.exact, quality)
+    exact = prediction.render_interval(side, size.exact, quality)
     progress(0.1)
     regions: Regions = {}
     errors: Errors = {"predicted": {}, "plain": {}}
@@ -116,7 +116,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
     }
     note = NOTE.format(side=side, exact=size.exact, contrast=CONTRAST, keys=size.keys, **ends)
-    figure = _drawn(size, exact, mean, errors, biases, regions)
+    figure = _draw(size, exact, mean, errors, biases, regions)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 
@@ -127,13 +127,13 @@ def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
     for batch in range(spp // _BATCH):
         own = key * 1000 + batch
         sampler = samplers.independent(sequences.uniform(needs, own), own)
-        total = total + scene_images.rendered(scene, sampler, side, _BATCH, quality)
+        total = total + scene_images.render_image(scene, sampler, side, _BATCH, quality)
     return np.asarray(total) / (spp // _BATCH)
 
 
 def _regions(side: int, images: NDArray) -> Regions:
     """Return which pixels are of what, by the images of the intervals."""
-    kinds = [prediction.seen(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 33)]
+    kinds = [prediction.first_hits(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 33)]
     box = np.any([kind == prediction.BOX for kind in kinds], axis=0)
     mirror = kinds[0] == prediction.MIRROR
     changes = np.ptp(images, axis=0).max(axis=-1) > 0.1
@@ -166,7 +166,7 @@ def _ratio(errors: Errors, place: int) -> dict[str, float]:
     return {region: plain[region] / predicted[region] for region in plain}
 
 
-def _drawn(
+def _draw(
     size: Size,
     exact: NDArray,
     mean: NDArray,

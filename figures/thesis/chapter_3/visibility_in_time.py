@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from figures.plot import Style
 from figures.shared.costs import timed
-from figures.shared.sheets.panels import curve, name_axes, titled
+from figures.shared.sheets.panels import curve, name_axes, new_figure
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
 
@@ -87,12 +87,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     box: dict[int, Case] = {}
     for samples in size.box:
         scene = scenes.cornell_box(visibility="analytic").estimator
-        box[samples] = _measured(replace(scene, samples=samples), size)
+        box[samples] = _measure(replace(scene, samples=samples), size)
         progress(len(box) / todo)
     triangles: dict[int, Case] = {}
     for count in size.counts:
         scene = scenes.moving_triangles(count, visibility="analytic").estimator
-        triangles[count] = _measured(scene, size)
+        triangles[count] = _measure(scene, size)
         progress((len(box) + len(triangles)) / todo)
     measured: dict[str, Any] = {
         BOX: {str(k): case.numbers() for k, case in box.items()},
@@ -103,7 +103,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for name, of in measured.items()
     }
     best = {name: max(of.values()) for name, of in gains.items() if of}
-    figure = _drawn(measured)
+    figure = _draw(measured)
     measured["best at equal time, blurred part"] = best
     loses = [k for k, gain in gains[ALL].items() if gain < 1]
     measured["numbers of triangles at which sampled visibility wins"] = loses
@@ -136,7 +136,7 @@ def _points(side: int, dims: int, key: int) -> jax.Array:
     return jnp.asarray(inside, jnp.float32)
 
 
-def _measured(scene: tracing.AnalyticVisibility, size: Size) -> Case:
+def _measure(scene: tracing.AnalyticVisibility, size: Size) -> Case:
     """Render both ways by turns."""
     both = scene.estimator, scene
     sums = np.zeros((2, 2, size.side, size.side, 3))
@@ -153,11 +153,11 @@ def _measured(scene: tracing.AnalyticVisibility, size: Size) -> Case:
         (variances[0].mean(axis=-1), variances[1].mean(axis=-1)),
         (float(np.median(seconds[0][1:])), float(np.median(seconds[1][1:]))),
         (seconds[0][0], seconds[1][0]),
-        _seen(scene.estimator, size.side),
+        _first_hits(scene.estimator, size.side),
     )
 
 
-def _seen(scene: tracing.Estimator, side: int) -> NDArray[np.int64]:
+def _first_hits(scene: tracing.Estimator, side: int) -> NDArray[np.int64]:
     """Return how many primitives rays through the middles of pixels find at many times."""
     y, x = (jnp.asarray((np.mgrid[:side, :side] + 0.5) / side, jnp.float32)).reshape(2, -1)
     found = [_numbers(scene, x, y, jnp.full_like(x, t)) for t in (np.arange(TIMES) + 0.5) / TIMES]
@@ -172,8 +172,8 @@ def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array
     return tracing.nearest_hit(scene.world, origin, direction, at).shape
 
 
-def _drawn(measured: Mapping[str, Any]) -> Figure:
-    figure = titled(
+def _draw(measured: Mapping[str, Any]) -> Figure:
+    figure = new_figure(
         "Where motion blurs, visibility computed in time has less error than samples (thesis, Sect. 3.2)",
         10,
         3.9,

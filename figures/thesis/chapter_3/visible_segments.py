@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from figures.shared.sheets.panels import name_axes, titled
+from figures.shared.sheets.panels import name_axes, new_figure
 from qmcjax import tracing
 from qmcjax.core.pytrees import jit
 
@@ -40,7 +40,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw what one ray sees, and count the intervals of many."""
-    figure = titled("What a ray sees while the shutter is open (thesis Fig. 3.2)", 10, 4.2)
+    figure = new_figure("What a ray sees while the shutter is open (thesis Fig. 3.2)", 10, 4.2)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()
     there = np.arange(TRIANGLES)[:, None, None] < CANDIDATES
@@ -114,14 +114,14 @@ def _hit(opened: NDArray, closed: NDArray, origins: NDArray) -> NDArray[np.int64
 
 
 @jit()
-def _seen(opened: jax.Array, closed: jax.Array, origins: jax.Array) -> tracing.VisibleIntervals:
+def _first_hits(opened: jax.Array, closed: jax.Array, origins: jax.Array) -> tracing.VisibleIntervals:
     world = tracing.world([tracing.triangles(opened, closed)])
     return tracing.visible_intervals(world, origins, ALONG, ROOM)
 
 
 def _spans(opened: NDArray, closed: NDArray, origins: NDArray) -> list[list[tuple[float, float, int]]]:
     """Return start, end and number of what rays see."""
-    found = _seen(jnp.asarray(opened, jnp.float32), jnp.asarray(closed, jnp.float32), origins)
+    found = _first_hits(jnp.asarray(opened, jnp.float32), jnp.asarray(closed, jnp.float32), origins)
     if float(found.until.min()) < 1:
         raise RuntimeError(f"{ROOM} intervals are too few")
     rows = zip(*(np.asarray(a).tolist() for a in found[:3]), strict=True)

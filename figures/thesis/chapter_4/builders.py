@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from analysis import trees
 from figures.shared.costs import in_turns, median, timed
 from figures.shared.sheets.image_sheets import Panel, image_grid
-from figures.shared.sheets.panels import text_table, titled
+from figures.shared.sheets.panels import new_figure, text_table
 from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays, leaf_depths, traced
+from figures.thesis.chapter_4.meshes import Rays, leaf_depths, trace
 
 SIDE_4_1 = {"draft": 48, "paper": 288}
 
@@ -39,7 +39,7 @@ def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         distance = trees.triangle_distances(mesh.triangles, *rays)
         tree = trees.surface_area_tree(*meshes.corners(mesh.triangles))
         better = trees.optimal_subtrees(tree)
-        before, after = (traced(each, rays, distance).visits.reshape(side, side) for each in (tree, better))
+        before, after = (trace(each, rays, distance).visits.reshape(side, side) for each in (tree, better))
         change = after - before
         # A few pixels at silhouettes have far more than all others.
         nodes = float(np.percentile(np.maximum(before, after), 99.5))
@@ -192,7 +192,7 @@ def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
     first: dict[str, float] = {}
     for name, make in _ways(*meshes.corners(mesh.triangles)).items():
         tree, seconds = timed(make)
-        area, visits = trees.summed_area(tree), float(traced(tree, rays, distance).visits.mean())
+        area, visits = trees.summed_area(tree), float(trace(tree, rays, distance).visits.mean())
         first = first or {"area": area, "visits": visits}
         found[name] = {
             "summed area": area,
@@ -229,7 +229,7 @@ def _embree(mesh: meshes.Mesh, side: int = 256, turns: int = 5) -> float:
 
 
 def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
-    figure = titled(
+    figure = new_figure(
         "Most other builders need more nodes than the surface area heuristic (thesis Sect. 4.1.3, 4.1.4)",
         15.0,
         2.4 + 0.23 * len(measured),

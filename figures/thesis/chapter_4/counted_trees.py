@@ -7,7 +7,7 @@ from math import comb, factorial
 
 from matplotlib.figure import Figure
 
-from figures.shared.sheets.panels import text_table, titled
+from figures.shared.sheets.panels import new_figure, text_table
 
 LEAVES = tuple(range(1, 10))
 LARGEST = {"draft": 7, "paper": 9}
@@ -56,7 +56,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for m in LEAVES
         ),
     }
-    figure = titled("Binary trees over m leaves, by enumeration (thesis Table 4.1)", 10.5, 2.6, fontsize=11)
+    figure = new_figure(
+        "Binary trees over m leaves, by enumeration (thesis Table 4.1)", 10.5, 2.6, fontsize=11
+    )
     rows = [
         [name, *(str(of[m - 1]) for m in LEAVES)]
         for name, of in (

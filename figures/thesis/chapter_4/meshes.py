@@ -191,7 +191,7 @@ def helicopter_parts(detail: int, times: NDArray) -> list[tuple[NDArray[np.float
     """Return triangles of each object at some times, (k, n, 3, 3), and whether it moves; last the ground."""
     found: list[tuple[NDArray[np.float64], bool]] = []
     for item in scenes.helicopter().estimator.world.objects[:-1]:
-        own = np.concatenate([_tessellated(shape, detail) for shape in item.shapes])
+        own = np.concatenate([_tessellate(shape, detail) for shape in item.shapes])
         matrix, translation = (np.asarray(a, np.float64) for a in item.motion(jnp.asarray(times)))
         found.append((np.einsum("tij,nvj->tnvi", matrix, own) + translation[:, None, None], True))
     ground = quad([-9, 0, -9], [0, 0, 18], [18, 0, 0], 4 * detail, 4 * detail)
@@ -199,7 +199,7 @@ def helicopter_parts(detail: int, times: NDArray) -> list[tuple[NDArray[np.float
     return found
 
 
-def _tessellated(shape: Any, detail: int) -> Triangles:
+def _tessellate(shape: Any, detail: int) -> Triangles:
     if isinstance(shape, tracing.Triangles):
         found = np.asarray(shape.vertices, np.float64)
         for _ in range(max(0, int(np.log2(detail / 4)))):
@@ -289,7 +289,7 @@ class Found(NamedTuple):
     """Where that is."""
 
 
-def traced(
+def trace(
     tree: trees.Tree,
     rays: Rays,
     distance: Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]],
@@ -307,7 +307,7 @@ def traced(
     return Found(trees.nodes_visited(tree, *rays, noted, time=time), nearest, hit)
 
 
-def bounced(triangles: NDArray[np.float64], rays: Rays, found: Found, key: int) -> Rays:
+def bounce(triangles: NDArray[np.float64], rays: Rays, found: Found, key: int) -> Rays:
     """Return rays from what was hit, in random directions as a diffuse surface scatters them."""
     hit = np.isfinite(found.distance)
     way = rays.direction[hit]

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.panels import curve, legend_below, name_axes, titled
+from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
 from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Mesh, Rays, helicopter_parts, knots, terrain, traced
+from figures.thesis.chapter_4.meshes import Mesh, Rays, helicopter_parts, knots, terrain, trace
 
 SIDE = {"draft": 24, "paper": 96}
 PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}
@@ -179,7 +179,7 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
 
     def way(tree: trees.Tree, number: Any = None) -> Way:
         distance = trees.triangle_distances(vertices, *rays, times=times, time=when, number=number)
-        visited = traced(tree, rays, distance, when).visits.mean()
+        visited = trace(tree, rays, distance, when).visits.mean()
         stored = (2 * tree.size - 1) * (1 if tree.times is None else len(times))
         return Way(trees.summed_area(tree) / everything, float(visited), stored / count)
 
@@ -200,7 +200,7 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
             of_part, now = trees.surface_area_tree(*boxes), own == part
             few = Rays(rays.origin[now], rays.direction[now])
             distance = trees.triangle_distances(vertices, *few, times=times, time=when[now])
-            visited += float(traced(of_part, few, distance).visits.sum()) / len(when)
+            visited += float(trace(of_part, few, distance).visits.sum()) / len(when)
             expected += trees.summed_area(of_part) / everything / parts
             most = max(most, float(trees.surface_area(*boxes).max()) / everything)
         found[_parts(parts)] = Way(expected, visited, parts * (2 * count - 1) / count)
@@ -214,7 +214,7 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
 
 
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:
-    figure = titled(
+    figure = new_figure(
         "Trees that follow the motion need fewer nodes than one tree over whole paths (thesis Sect. 4.2 "
         "and 4.3)\n"
         "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "

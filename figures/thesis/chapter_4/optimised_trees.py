@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared.costs import timed
-from figures.shared.sheets.panels import text_table, titled
+from figures.shared.sheets.panels import new_figure, text_table
 from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays, bounced, leaf_depths, traced
+from figures.thesis.chapter_4.meshes import Rays, bounce, leaf_depths, trace
 
 SIZE = {"draft": "draft", "paper": "large"}
 """Of the meshes."""
@@ -115,14 +115,14 @@ def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
     rays = Rays(*meshes.camera_rays(mesh, side))
     for kind in KINDS:
         distance = trees.triangle_distances(mesh.triangles, *rays)
-        before, after = (traced(each, rays, distance) for each in (tree, better))
+        before, after = (trace(each, rays, distance) for each in (tree, better))
         means = float(before.visits.mean()), float(after.visits.mean())
         found[f"{kind} rays"] = {
             "nodes before": means[0],
             "nodes after": means[1],
             "reduction in percent": 100 * (1 - means[1] / means[0]),
         }
-        rays = bounced(mesh.triangles, rays, before, 1)
+        rays = bounce(mesh.triangles, rays, before, 1)
     return found | {
         "processor seconds to build": seconds.processors,
         "processor seconds to optimise": more.processors,
@@ -134,10 +134,10 @@ def _growth(key: int, count: int, scales: int) -> float:
     random = np.random.default_rng(key)
     low = np.concatenate([random.normal(size=(count, 3)) * 4.0**-k for k in range(scales)])
     high = low + 0.5 * random.uniform(size=low.shape) ** 8
-    return _rebuilt(low, high) / trees.summed_area(trees.surface_area_tree(low, high)) - 1
+    return _rebuild(low, high) / trees.summed_area(trees.surface_area_tree(low, high)) - 1
 
 
-def _rebuilt(low: NDArray, high: NDArray, most: int = 8) -> float:
+def _rebuild(low: NDArray, high: NDArray, most: int = 8) -> float:
     """Return the summed area if the largest subtrees of up to ``most`` boxes become optimal, and boxes."""
     total = float(trees.surface_area(low, high).sum())
     while len(low) > 1:
@@ -166,7 +166,7 @@ def _area(value: float) -> str:
 
 
 def _draw_4_2(measured: dict[str, dict[str, Any]]) -> Figure:
-    figure = titled(
+    figure = new_figure(
         "Trees before and after one optimisation of subtrees: our meshes, and the thesis's (Table 4.2)",
         13.4,
         4.4,
@@ -250,7 +250,7 @@ def thesis_table_4_3(quality: str, progress: Callable[[float], None]) -> tuple[F
                 "reduction in percent": (100 * (1 - area[1:] / area[:-1])).tolist(),
                 "mean leaf depth": [leaf_depths(each)[1] for each in runs],
                 "nodes a primary ray visits": [
-                    float(traced(each, rays, distance).visits.mean()) for each in runs
+                    float(trace(each, rays, distance).visits.mean()) for each in runs
                 ],
             }
         progress(done / len(meshes.MESHES))
@@ -300,7 +300,7 @@ def _until_nothing_changes(tree: trees.Tree) -> list[float]:
 
 
 def _draw_4_3(measured: dict[str, dict[str, Any]]) -> Figure:
-    figure = titled(
+    figure = new_figure(
         "Several optimisations of subtrees, one after the other (thesis Table 4.3)", 12.0, 3.9, fontsize=11
     )
     reduced = [f"{r:.2f} %" for r in PRINTED_4_3["reduction in percent"]]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLUE, ORANGE
-from figures.shared.sheets.panels import titled
+from figures.shared.sheets.panels import new_figure
 
 KEYS = {"draft": 40, "paper": 400}
 """Random pairs of first means."""
@@ -57,7 +57,7 @@ def ellipse(center: Any, axes: Any, degrees: float, count: int) -> tuple[NDArray
     return middle - half, middle + half
 
 
-def _joined(*objects: tuple[NDArray, NDArray]) -> tuple[NDArray, NDArray, NDArray[np.bool_]]:
+def _join(*objects: tuple[NDArray, NDArray]) -> tuple[NDArray, NDArray, NDArray[np.bool_]]:
     """Return the boxes of two objects, and which are of the second."""
     low, high = (np.concatenate(parts) for parts in zip(*objects, strict=True))
     return low, high, np.arange(len(low)) >= len(objects[0][0])
@@ -95,8 +95,8 @@ def _same(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> bool:
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Cluster both examples with many first means, and draw the clusters with their boxes."""
     keys = KEYS[quality]
-    slanted = _joined(ellipse((0.12, 0.88), (0.1, 0.1), 0, 19), ellipse((0.5, 0.5), (0.68, 0.07), 45, 19))
-    beside = _joined(ellipse((0.5, 0.7), (0.45, 0.1), 0, 15), ellipse((0.5, 0.3), (0.45, 0.1), 0, 15))
+    slanted = _join(ellipse((0.12, 0.88), (0.1, 0.1), 0, 19), ellipse((0.5, 0.5), (0.68, 0.07), 45, 19))
+    beside = _join(ellipse((0.5, 0.7), (0.45, 0.1), 0, 15), ellipse((0.5, 0.3), (0.45, 0.1), 0, 15))
     found: dict[str, dict[str, Any]] = {}
     for name, (low, high, known), norm in (("4.2", slanted, 2), ("4.3", beside, np.inf)):
         clusters = [_clusters(low, high, norm, key) for key in range(keys)]
@@ -111,7 +111,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     slant, side = found["4.2"], found["4.3"]
     split = slant["heuristic"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
-    figure = titled(
+    figure = new_figure(
         "Clusters of two means and their boxes (thesis Fig. 4.2 and 4.3)\n"
         "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
         "part of the smaller box",

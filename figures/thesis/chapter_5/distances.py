@@ -10,7 +10,7 @@ import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
 from figures.shared.sheets.image_sheets import Panel, image_grid
-from figures.shared.sheets.panels import curve, name_axes, titled
+from figures.shared.sheets.panels import curve, name_axes, new_figure
 from qmcjax import sequences
 
 PRINTED = {
@@ -66,7 +66,7 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         progress((m - 1) / len(SIZES))
 
     relative = {name: _relative(values) for name, values in measured.items()}
-    figure = titled("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)", 13, 9)
+    figure = new_figure("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)", 13, 9)
     upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
     absolute, packed = upper.subplots(1, 2)
     for name, values in measured.items():

@@ -48,7 +48,7 @@ def thesis_5_11(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "RMS error of the checkerboard": _errors(),
     }
     title = "Padded replications: one net, shifted by whole pixels and jittered (thesis Fig. 5.11)"
-    return drawn(title, "instance", instances), {
+    return draw_sets(title, "instance", instances), {
         "measured": measured,
         "claims": _claims(measured, [point_plots.holds_one_each(i, 6) for i in instances]),
         "note": "Toroidal distances; D* is the star discrepancy. The net is Larcher and Pillichshammer's, "
@@ -59,7 +59,7 @@ def thesis_5_11(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
 
 
-def drawn(title: str, name: str, sets: list[NDArray[np.float64]], middle: float = 0.0) -> Figure:
+def draw_sets(title: str, name: str, sets: list[NDArray[np.float64]], middle: float = 0.0) -> Figure:
     """Draw sets of points over the pixels, and all of them together, with their measures.
 
     ``middle`` is what is added so that points are drawn in the middle of their cells.
@@ -142,7 +142,7 @@ def thesis_5_12(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "Larcher-Pillichshammer net": _measures(point_plots.block(net, 64)),
     }
     title = "One sample per pixel in each frame of the Sobol' sequence (thesis Fig. 5.10, 5.12)"
-    return drawn(title, "frame", frames, middle=0.5 / len(together)), {
+    return draw_sets(title, "frame", frames, middle=0.5 / len(together)), {
         "measured": measured,
         "claims": {
             "one sample in each pixel, and each set well stratified: each frame is a (0,6,2)-net": {

@@ -13,7 +13,7 @@ import analysis
 from figures import plot
 from figures._errors import residual
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.panels import curve, name_axes, titled
+from figures.shared.sheets.panels import curve, name_axes, new_figure
 from qmcjax import sequences
 
 NETS_5_5 = {"Sobol'": sequences.sobol_net_3d, "modified (C'1, C'2)": sequences.larcher_pillichshammer_net_3d}
@@ -33,7 +33,7 @@ def thesis_5_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
     title = "(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)"
-    figure = titled(title, 8, 5, fontsize=9)
+    figure = new_figure(title, 8, 5, fontsize=9)
     draw_distances(figure.subplots(), sizes, distances, STYLES)
     not_ahead = [m for m, a, b in zip(sizes, *squared.values(), strict=True) if b <= a]
     roughness = {name: residual(np.log(values)) for name, values in distances.items()}
@@ -111,7 +111,7 @@ def thesis_5_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     found = analysis.search_matrices({M_5_7: TARGET}, dims=2, seed=SEED, steps=STEPS)
     pairs["searched, order 7 (Fig. 5.6)"] = (found.matrices[0].astype(int), found.matrices[1].astype(int))
 
-    figure = titled(
+    figure = new_figure(
         "Matrices of (0,2)-sequences, zeros dark, U all ones, and 128 points (thesis Fig. 5.6 to 5.8)",
         16,
         8.6,
@@ -184,7 +184,7 @@ def thesis_5_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
-    figure = titled("(0,m,3)-nets from searched (0,2)-sequence matrices (thesis Fig. 5.9)", 13, 6)
+    figure = new_figure("(0,m,3)-nets from searched (0,2)-sequence matrices (thesis Fig. 5.9)", 13, 6)
     layout = figure.subplot_mosaic("abddd;efddd")
     pairs = {
         "searched net": _matrices(sequences.optimized_net_3d(M_5_9)),

@@ -229,7 +229,7 @@ def thesis_5_23(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         for way, sets in (("scrambled", scrambled), ("rotated", rotated))
     }
     is_net = {key: point_plots.holds_one_each(points, M_5_23) for key, points in scrambled.items()}
-    figure = _drawn({"not scrambled": unscrambled, **_named("Owen", scrambled), **_named("rotated", rotated)})
+    figure = _draw({"not scrambled": unscrambled, **_named("Owen", scrambled), **_named("rotated", rotated)})
     return figure, {
         "measured": {
             **{key: {"minimum distance": distance} for key, distance in distances["scrambled"].items()},
@@ -260,7 +260,7 @@ def _named(way: str, sets: dict[str, NDArray]) -> dict[str, NDArray]:
     return {f"{way}, {key}": points for key, points in list(sets.items())[:shown]}
 
 
-def _drawn(sets: dict[str, NDArray]) -> Figure:
+def _draw(sets: dict[str, NDArray]) -> Figure:
     title = "The (0,6,2)-permutation net, scrambled by Owen's method and rotated (thesis Fig. 5.23)"
     figure, axes = point_plots.panels(len(sets), title, columns=4)
     for panel, (name, points) in zip(axes, sets.items(), strict=True):

@@ -17,7 +17,7 @@ M_5_14 = 9
 SQUARED = "squared distance on the integer grid"
 
 
-def moved(points: NDArray[np.int64], x: int, y: int) -> NDArray[np.int64]:
+def move(points: NDArray[np.int64], x: int, y: int) -> NDArray[np.int64]:
     """Return points moved by (x, y)."""
     return points + np.array([x, y])
 
@@ -26,7 +26,7 @@ def quadruple_odd(points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the next point set, before wrapping: rule 1 to 5 for 2**k points."""
     side = 2 * len(points)
     even, odd = 2 * points, 2 * points + 1
-    parts = even, moved(odd, side, 0), moved(even, side, side), moved(odd, 2 * side, side)  # P_0, ..., P_3
+    parts = even, move(odd, side, 0), move(even, side, side), move(odd, 2 * side, side)  # P_0, ..., P_3
     return np.concatenate(parts)
 
 
@@ -38,7 +38,7 @@ def unwrapped_odd(m: int) -> NDArray[np.int64]:
     return points
 
 
-def wrapped(points: NDArray[np.int64]) -> NDArray[np.int64]:
+def wrap(points: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the net, Eq. 5.27 and 5.51."""
     return np.stack([points[:, 0] % len(points), points[:, 1]], axis=1)
 
@@ -49,7 +49,7 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         6, f"Iterative construction of the (0,{M_5_14},2)-permutation net (thesis Fig. 5.14)", columns=3
     )
     figure.set_size_inches(11, 4.6)
-    net = constructed(axes, range(1, M_5_14 + 1, 2), unwrapped_odd, 2)
+    net = construct(axes, range(1, M_5_14 + 1, 2), unwrapped_odd, 2)
     squared = analysis.squared_min_distance(net, side=2**M_5_14)
     return figure, {
         "measured": {SQUARED: squared},
@@ -63,15 +63,15 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
 
 
-def constructed(
+def construct(
     axes: list[Axes], sizes: range, unwrapped: Callable[[int], NDArray[np.int64]], width: float
 ) -> NDArray[np.int64]:
     """Draw the point sets of 2**m points for all m, then the last one wrapped, which is returned."""
     for letter, m, panel in zip("abcde", sizes, axes, strict=False):
         _draw(panel, unwrapped(m), unwrapped(m), width, f"({letter}) {2**m} points")
     last = unwrapped(sizes[-1])
-    _draw(axes[-1], wrapped(last), last, width, f"({'abcdef'[len(sizes)]}) wrapped")
-    return wrapped(last)
+    _draw(axes[-1], wrap(last), last, width, f"({'abcdef'[len(sizes)]}) wrapped")
+    return wrap(last)
 
 
 def is_direct(net: NDArray[np.int64], m: int) -> bool:
@@ -99,10 +99,10 @@ def quadruple_even(parts: tuple[NDArray[np.int64], ...]) -> tuple[NDArray[np.int
     """Return the next P_0, ..., P_3, before wrapping: rule 1 to 5 for 2**k points."""
     n = sum(map(len, parts))
     # Eq. 5.45 moves P_1 and P_3. The sentence above it, P_0 and P_2: nets, too, but not as good.
-    twice = [moved(2 * part, i % 2, 0) for i, part in enumerate(parts)]
-    extended = [np.concatenate([part, moved(part, n // 2, 2 * n)]) for part in twice]
+    twice = [move(2 * part, i % 2, 0) for i, part in enumerate(parts)]
+    extended = [np.concatenate([part, move(part, n // 2, 2 * n)]) for part in twice]
     lower, upper = np.concatenate(extended[:2]), np.concatenate(extended[2:])
-    return lower, upper, moved(lower, 2 * n, 1), moved(upper, 2 * n, 1)
+    return lower, upper, move(lower, 2 * n, 1), move(upper, 2 * n, 1)
 
 
 def unwrapped_even(m: int) -> NDArray[np.int64]:
@@ -119,7 +119,7 @@ def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         4, f"Iterative construction of the (0,{M_5_17},2)-permutation net (thesis Fig. 5.17)"
     )
     figure.set_size_inches(13, 3.4)
-    net = constructed(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
+    net = construct(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
     squared = analysis.squared_min_distance(net, side=2**M_5_17, shear=2 ** (M_5_17 - 2))
     return figure, {
         "measured": {SQUARED: squared},

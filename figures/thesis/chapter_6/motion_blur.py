@@ -15,7 +15,7 @@ from figures._errors import fluctuation, rms, slope
 from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images
-from figures.shared.sheets.image_sheets import magnified, magnified_sheet
+from figures.shared.sheets.image_sheets import magnify, magnify_all
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -99,11 +99,11 @@ def pictures(
     side = sizes[-1]
     scene, exact = getattr(scenes, name)(), diffusion.reference_of(name, side, REPLICATE[quality])
     progress(0.3)
-    panels = [magnified("reference", exact.image, crop)]
+    panels = [magnify("reference", exact.image, crop)]
     images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
     for size in sizes:
         compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
-        found = scene_images.compared(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
+        found = scene_images.compare(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
         of_size = diffusion.reference_of(name, size, REPLICATE[quality])
         pixels = pixel_sets.all_pixels(size)
         sets[f"{size} x {size} pixels"] = {
@@ -115,9 +115,9 @@ def pictures(
     for sampler in COMPARED:
         errors[sampler] = diffusion.rms_error(images[sampler], exact)
         waves[sampler] = _strongest_wave(images[sampler], exact)
-        panels.append(magnified(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
+        panels.append(magnify(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
     title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
-    figure = magnified_sheet(title, panels, 3, 192 if quality == "draft" else 256)
+    figure = magnify_all(title, panels, 3, 192 if quality == "draft" else 256)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -201,7 +201,7 @@ def convergence(
         spp: {name: make_sampler(name, side, spp) for name in COMPARED if spp in counts(name, spps)}
         for spp in spps
     }
-    images = scene_images.compared(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
+    images = scene_images.compare(scene, side, compared, lambda part: progress(0.3 + 0.7 * part))
     errors = {sampler: {} for sampler in COMPARED}
     waves = {sampler: {} for sampler in COMPARED}
     for (spp, sampler), image in images.items():

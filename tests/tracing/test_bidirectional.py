@@ -1,7 +1,6 @@
 """Bidirectional path tracing: against path tracing, and against closed forms of light in a ball."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from tables import slow_cases
@@ -154,17 +153,3 @@ def test_one_picture_by_any_dtype_program_and_shape(light_bounces):
         double = np.asarray(values(scene, points.reshape(2, 2, -1, len(scene.needs)).astype(np.float64)))
     assert double.dtype == np.float64
     assert np.mean(abs(double.reshape(-1, 3) - compiled) > 1e-3 * (1 + compiled)) < 5e-3
-
-
-@pytest.mark.slow
-def test_derivatives_that_miss_edges_are_refused():
-    def value(color, corner):
-        light = tracing.rectangle_light(corner, [0.1, 0, 0], [0, 0, 0.1], 1.0)
-        walls = tracing.box([-1, 0, -1], [1, 2, 1], material=tracing.diffuse(color))
-        scene = tracing.bidirectional(tracing.world([walls], [light]), camera(), 1)
-        return scene(jnp.full(len(scene.needs), 0.5))[0]
-
-    corner = jnp.array([0.0, 1.9, 0.0])
-    assert np.isfinite(jax.jit(jax.grad(value))(0.5, corner))
-    with pytest.raises(ValueError, match="moves an edge"):
-        jax.jit(jax.grad(value, 1))(0.5, corner)

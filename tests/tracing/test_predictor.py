@@ -267,12 +267,6 @@ def test_keys_and_counts():
     assert set(np.unique(one.samples[2])) <= {2, 4} and set(np.unique(one.samples[[1, 3]])) <= {1, 4}
 
 
-@pytest.mark.slow
-def test_a_single_pixel_is_sampled():
-    small = tracing.predictor_corrector(scene(wall(Waves())), 1, 1, (1,), 2, 1)
-    assert small.image.shape == (1, 1, 3) and (small.samples == 2).all()
-
-
 STILL = scene(wall(Waves()))
 CORNERS = np.array([[[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]])
 RIGHT = {"scene": STILL, "width": 2, "height": 2, "samples": (1,), "fail": 4, "key": 1}

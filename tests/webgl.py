@@ -49,7 +49,7 @@ void main() {
 
 PAGE = """<!doctype html><pre id="found">nothing</pre><canvas id="canvas"></canvas><script>
 const cases = @CASES@;
-const words = (text) => new Uint32Array(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
+const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer;
 const text = (words) => {
   const bytes = new Uint8Array(words.buffer);
   let made = "";
@@ -64,14 +64,15 @@ const shader = (program, kind, source) => {
   if (!gl.getShaderParameter(made, gl.COMPILE_STATUS)) throw gl.getShaderInfoLog(made);
   gl.attachShader(program, made);
 };
-const texture = (unit, inside, format, width, values) => {
-  gl.activeTexture(gl.TEXTURE0 + unit);
+const texture = ({inside, format, type, array, size, texels}) => {
+  gl.activeTexture(gl.TEXTURE0);
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-  gl.texImage2D(gl.TEXTURE_2D, 0, inside, width, values.length / width, 0, format, gl.UNSIGNED_INT, values);
+  const values = new window[array](bytes(texels));
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl[inside], ...size, 0, gl[format], gl[type], values);
 };
-const run = (source, tables, rows, size, whole) => {
+const run = (source, given, rows, size, whole) => {
   const program = gl.createProgram();
   shader(program, gl.VERTEX_SHADER, `#version 300 es
     void main() { gl_Position = vec4(vec2(gl_VertexID % 2, gl_VertexID / 2) * 4.0 - 1.0, 0, 1); }`);
@@ -79,9 +80,9 @@ const run = (source, tables, rows, size, whole) => {
   gl.linkProgram(program);
   if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw gl.getProgramInfoLog(program);
   gl.useProgram(program);
-  if (tables) {
-    texture(0, gl.R32UI, gl.RED_INTEGER, @COLUMNS@, words(tables));
-    gl.uniform1i(gl.getUniformLocation(program, "mine_tables"), 0);
+  if (given) {
+    texture(given);
+    gl.uniform1i(gl.getUniformLocation(program, given.name), 0);
   }
   const target = gl.createTexture();
   gl.activeTexture(gl.TEXTURE1);
@@ -138,10 +139,22 @@ def summed(words):
     return int(((words ^ (words >> 15)) * np.uint32(0xC2B2AE35)).sum(dtype=np.uint32))
 
 
-def case(text, kind, count, limits, size, whole=False):
+def texture(name, kind, size, texels):
+    """Return a texture for :func:`case`: texels of a kind, bound to a name, of a width and a height."""
+    format, type, array = {
+        "R32UI": ("RED_INTEGER", "UNSIGNED_INT", "Uint32Array"),
+        "RG16UI": ("RG_INTEGER", "UNSIGNED_SHORT", "Uint16Array"),
+        "RGBA32F": ("RGBA", "FLOAT", "Float32Array"),
+    }[kind]
+    how = {"name": name, "inside": kind, "format": format, "type": type, "array": array}
+    return how | {"size": size, "texels": _text(texels)}
+
+
+def case(text, kind, count, limits, size, whole=False, given=None):
     """Return a case for :func:`run`: a source, whose function ``mine`` is called with random words.
 
     A scene gets numbers in [0, 1). ``whole``: whether all results are wanted, or :func:`summed` of them.
+    ``given``: a texture, by default that of the tables of the source.
     """
     seeds = ", mine_seeds" if "mine_seeds" in text else ""
     words = [
@@ -154,9 +167,11 @@ def case(text, kind, count, limits, size, whole=False):
     call = CALLS[kind].format(seeds=seeds, words=", ".join(words), count=len(words))
     for word, value in (("SIZE", str(size)), ("CALL", call), ("COLUMNS", str(COLUMNS)), ("SOURCE", text)):
         source = source.replace(f"@{word}@", value)
-    tables = np.zeros(-(-text.tables.size // COLUMNS) * COLUMNS, np.uint32)
-    tables[: text.tables.size] = text.tables
-    return source, _text(tables) if tables.size else "", -(-count // COLUMNS), size, whole
+    if given is None and text.tables.size:
+        rows = -(-text.tables.size // COLUMNS)
+        words = np.pad(text.tables, (0, rows * COLUMNS - text.tables.size))
+        given = texture("mine_tables", "R32UI", (COLUMNS, rows), words)
+    return source, given, -(-count // COLUMNS), size, whole
 
 
 def run(folder, cases, timeout=600):

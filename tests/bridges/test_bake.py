@@ -8,6 +8,7 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import webgl
 from refusals import refused
 
 from qmcjax import bridges, orders, samplers, sequences
@@ -18,40 +19,6 @@ SAMPLER = samplers.independent(sequences.sobol(5), key=3)
 TILE, SPP, DIMS = (6, 4), 8, (0, 1, 2, 3, 4)
 X, Y, S = np.meshgrid(np.arange(6), np.arange(4), np.arange(8))
 compiles = pytest.mark.skipif(shutil.which("g++") is None, reason="no g++")
-
-GLSL_TYPES = """
-#include <cstdint>
-#include <cstdio>
-#include <fstream>
-#include <iterator>
-#include <vector>
-typedef uint32_t uint;
-struct ivec2 { int x, y; ivec2(int x, int y) : x(x), y(y) {} };
-struct uvec2 { uint x, y; };
-struct uvec4 { uvec2 rg, ba; };
-struct vec2 { float x, y; explicit vec2(uvec2 v) : x(float(v.x)), y(float(v.y)) {} };
-struct vec4 { float x, y, z, w; };
-inline vec2 operator+(vec2 a, float b) { a.x += b; a.y += b; return a; }
-inline vec2 operator*(vec2 a, float b) { a.x *= b; a.y *= b; return a; }
-struct usampler2D { std::vector<uint> texels; int width; };
-struct sampler2D { std::vector<float> texels; int width; };
-inline uvec4 texelFetch(const usampler2D& t, ivec2 p, int) {
-    const uint* at = &t.texels.at(2 * (size_t(p.y) * t.width + p.x));
-    return {{at[0], at[1]}, {0u, 1u}};
-}
-inline vec4 texelFetch(const sampler2D& t, ivec2 p, int) {
-    const float* at = &t.texels.at(4 * (size_t(p.y) * t.width + p.x));
-    return {at[0], at[1], at[2], at[3]};
-}
-template <class T, class S> void load(S& texture, const char* path, int width) {
-    std::ifstream file(path, std::ios::binary);
-    std::vector<char> bytes((std::istreambuf_iterator<char>(file)), {});
-    const T* first = reinterpret_cast<const T*>(bytes.data());
-    texture.texels.assign(first, first + bytes.size() / sizeof(T));
-    texture.width = width;
-}
-"""
-"""What the readers take of GLSL, in C++: the same source runs here without a graphics card."""
 
 LOOPS = """
 int main(int, char** arguments) {{
@@ -119,24 +86,44 @@ def test_cpp_reads_the_very_bits(tables, tmp_path, bits):
     assert table.reader("cpp").count("\n") < 40
 
 
-@compiles
-@pytest.mark.slow
-@pytest.mark.parametrize("bits", [16, 24])
-def test_glsl_reads_the_very_bits(tables, tmp_path, bits):
-    """The shader's source, with vectors and textures in C++."""
-    table = tables[bits]
-    path = tmp_path / ("table.rg16" if bits == 16 else "table.rgba32f")
-    table.save(path)
-    channels, kind = (2, "uint16_t") if bits == 16 else (4, "float")
-    sampler = "usampler2D" if bits == 16 else "sampler2D"
-    load = f"{sampler} texture; load<{kind}>(texture, arguments[1], {width_of(table)});"
-    read = f"auto v = table_point(texture, x, y, s, g); std::fwrite(&v, 4, {channels}, stdout);"
-    groups = -(-5 // channels)
-    source = GLSL_TYPES + table.reader("glsl") + loops(table, load, "g", groups, read)
-    found = np.frombuffer(run(tmp_path, source, path), np.float32)
-    found = found.reshape(8, 12, SPP, groups * channels)[..., :5]
-    assert np.array_equal(found, repeated(table.points))
-    assert table.reader("glsl").count("\n") <= 20
+GLSL = """
+uniform highp {sampler} texels;
+{reader}
+void mine(uint x, uint y, uint s, out float u[6]) {{
+    for (uint g = 0u; g < {groups}u; g++) {{
+        {vector} values = table_point(texels, x, y, s, g);
+        for (int c = 0; c < {channels} && int(g) * {channels} + c < 6; c++)
+            u[int(g) * {channels} + c] = values[c];
+    }}
+}}
+"""
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(webgl.CHROMIUM is None, reason="no chromium (Debian: chromium)")
+def test_glsl_reads_the_very_bits_in_webgl(tables, tmp_path):
+    """At random pixels of four tiles, beside and below each other."""
+    cases, limits, count = [], (2 * TILE[0], 2 * TILE[1], SPP), webgl.COLUMNS
+    for bits, kind, channels in ((16, "RG16UI", 2), (24, "RGBA32F", 4)):
+        table, path = tables[bits], tmp_path / ("table.rg16" if bits == 16 else "table.rgba32f")
+        table.save(path)
+        reader = table.reader("glsl")
+        size = [int(side) for side in re.search(r"Texture: (\d+) x (\d+)", reader).groups()]
+        sampler = "usampler2D" if bits == 16 else "sampler2D"
+        how = {
+            "sampler": sampler,
+            "vector": f"vec{channels}",
+            "channels": channels,
+            "groups": -(-5 // channels),
+        }
+        texels = webgl.texture("texels", kind, size, np.fromfile(path, np.uint8))
+        text = GLSL.format(reader=reader, **how)
+        cases.append(webgl.case(text, "sampler", count, limits, 6, whole=True, given=texels))
+        assert reader.count("\n") <= 20
+    x, y, s = webgl.drawn(count, limits)
+    for found, bits in zip(webgl.run(tmp_path, cases), (16, 24), strict=True):
+        assert not isinstance(found, str), found
+        assert np.array_equal(found[:, :5].view(np.float32), repeated(tables[bits].points)[y, x, s])
 
 
 @compiles

@@ -37,6 +37,7 @@ MAPS = 30_000
 process 65,530; LLVM ends the process where there are no more."""
 
 PRELOADED = (
+    "figures.__main__",
     "matplotlib.backends.backend_agg",
     "matplotlib.pyplot",
     "PIL.PngImagePlugin",
@@ -44,8 +45,8 @@ PRELOADED = (
     "figures.shared.sheets.image_sheets",
     "figures.shared.rendered.pixel_sets",
 )
-"""What most figures import: to import JAX, SciPy and matplotlib takes longer than many drafts. No backend of
-JAX may start by it, whose threads do not survive a fork."""
+"""What workers and most figures import: to import JAX, SciPy and matplotlib takes longer than many drafts. No
+backend of JAX may start by it, whose threads do not survive a fork."""
 
 
 class Task(NamedTuple):

@@ -18,7 +18,7 @@ from figures.comparing.entries import MITSUBA, Entry
 from figures.comparing.measuring import Run
 from figures.comparing.scores import EQUAL_TIME
 from figures.comparing.tasks import DIMS, OF_MITSUBA, Size, Task
-from figures.making import own_process
+from figures.making import this_machine
 from figures.shared.mitsuba_runs import mitsuba_scenes
 
 PASSES = 16
@@ -78,7 +78,7 @@ def _images(entries: Sequence[Entry], scene: Path, size: Size, folder: Path) -> 
             "result": str(Path(temporary, "result.npz")),
             "kept": str((folder / f"reference-{scene.stem}-{digest}.npz").resolve()),
         }
-        own_process.run(mitsuba_process, task=task)
+        this_machine.run_apart(mitsuba_process, task=task)
         with np.load(task["result"]) as result:
             return {**result, "variant": variant}
 

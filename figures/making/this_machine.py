@@ -1,12 +1,17 @@
-"""What a figure is measured with: the processor, and the memory that processes take."""
+"""What a figure is measured with: the processor, memory, and processes that nothing has warmed or filled."""
 
+import importlib
 import importlib.metadata
+import json
 import os
 import platform
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 PROC = Path("/proc")
@@ -83,3 +88,28 @@ def resident(process: int) -> int:
         return int((PROC / f"{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, IndexError):
         return 0
+
+
+def measure_apart(module: ModuleType, given: Any) -> Any:
+    """Return what the function ``measure`` of a module returns in a process of its own.
+
+    It takes and returns what JSON has.
+    """
+    return json.loads(_output(__name__, module.__name__, task=given).splitlines()[-1])
+
+
+def run_apart(module: ModuleType, task: Any) -> str:
+    """Run a module, with a task in JSON at its standard input, and return what it prints."""
+    return _output(module.__name__, task=task)
+
+
+def _output(*words: str, task: Any) -> str:
+    command = [sys.executable, "-m", *words]
+    done = subprocess.run(command, input=json.dumps(task), capture_output=True, text=True)
+    if done.returncode:
+        raise RuntimeError(f"{' '.join(command)} ended with {done.returncode}:\n{done.stderr}")
+    return done.stdout
+
+
+if __name__ == "__main__":
+    print(json.dumps(importlib.import_module(sys.argv[1]).measure(json.load(sys.stdin))))

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from figures._errors import rms
-from figures.making import own_process
+from figures.making import this_machine
 from figures.ours import peer_images, traced_sweep
 from figures.ours.traced_sweep import OURS
 from figures.plot import Style, style
@@ -153,9 +153,9 @@ class Panel(NamedTuple):
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in processes of their own, and traced scenes here, and draw error over time."""
-    sweep = own_process.measure(speed_sweep, quality)
+    sweep = this_machine.measure_apart(speed_sweep, quality)
     progress(0.4)
-    peers = own_process.measure(peer_images, quality)
+    peers = this_machine.measure_apart(peer_images, quality)
     progress(0.5)
     size = SIZES[quality]
     traced, floors, origins = _traced(size, lambda part: progress(0.5 + part / 2))

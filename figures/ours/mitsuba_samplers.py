@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures._errors import rms
-from figures.making import own_process
+from figures.making import this_machine
 from figures.ours import benchmark
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
 from figures.shared.mitsuba_runs import mitsuba_scenes
@@ -60,7 +60,7 @@ def rates_of(size: Size) -> Rates:
             "spp": TIMED_SPP,
             "turns": size.turns,
         }
-        for mode, taken in own_process.measure(process, task).items():
+        for mode, taken in this_machine.measure_apart(process, task).items():
             found[f"{variant}, {mode} loops" if mode else variant] = taken
     return found
 
@@ -81,7 +81,7 @@ def render_images(scene: str, size: Size) -> Images:
     runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
     with tempfile.TemporaryDirectory() as folder:
         task = {"scene": scene, "side": size.side, "runs": runs, "file": str(Path(folder, "images.npz"))}
-        own_process.run(process, task=task)
+        this_machine.run_apart(process, task=task)
         with np.load(task["file"]) as result:
             return dict(zip(runs, result["images"].astype(np.float64), strict=True))
 

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from figures.making import own_process
-from figures.making.this_machine import machine
+from figures.making import this_machine
 from figures.shared.sheets.panels import legend_below, name_axes, new_figure
 from figures.shared.timing import image_scaling, measure_scaling
 
@@ -45,9 +44,9 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in processes of their own, and draw time and memory over sizes."""
-    images = own_process.measure(image_scaling, quality)
+    images = this_machine.measure_apart(image_scaling, quality)
     progress(0.4)
-    measures = own_process.measure(measure_scaling, quality)
+    measures = this_machine.measure_apart(measure_scaling, quality)
     progress(0.9)
     figure = new_figure(
         "The time of an image is proportional to its samples; memory does not grow with samples per pixel",
@@ -71,7 +70,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             },
         },
         "table": table,
-        "note": NOTE.format(cores=machine()["cores"]),
+        "note": NOTE.format(cores=this_machine.machine()["cores"]),
     }
 
 

@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 import analysis
 import qmcjax as qj
-from figures.making import own_process
+from figures.making import this_machine
 from figures.plot import Style
 from figures.shared.costs import in_turns, median, timed
 from figures.shared.mitsuba_runs import mitsuba_scenes
@@ -205,9 +205,9 @@ Rates = Mapping[str, Mapping[str, float]]
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure one kind after the other, points in a process of its own, and draw dots."""
-    made = own_process.measure(point_rates, quality)
+    made = this_machine.measure_apart(point_rates, quality)
     progress(0.2)
-    on_device = own_process.measure(device_rates, quality)
+    on_device = this_machine.measure_apart(device_rates, quality)
     progress(0.3)
     of_rays, about_rays = ray_rates.measure(quality)
     progress(0.6)

@@ -238,7 +238,7 @@ def test_the_figure_says_what_takes_more(monkeypatch):
         "overhead": {"side": 64, "processor seconds": 0.02},
     }
     kinds = {scale.image_scaling: images, measure_scaling: some}
-    monkeypatch.setattr(scale.own_process, "measure", lambda module, _: kinds[module])
+    monkeypatch.setattr(scale.this_machine, "measure_apart", lambda module, _: kinds[module])
     _, numbers = scale.make("draft", lambda fraction: None)
     measured = numbers["measured"]
     assert measured["more than 3 times the points' memory at the largest n"] == {"b": 4.0}

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.making import own_process
+from figures.making import this_machine
 from figures.shared.mitsuba_runs import mitsuba_process
 from qmcjax import tracing
 from qmcjax.bridges import mitsuba
@@ -59,7 +59,7 @@ def run(
     """
     with tempfile.TemporaryDirectory() as folder:
         task = {"scene": describe(scene, width, height), "runs": runs, "folder": folder}
-        own_process.run(mitsuba_process, task=task)
+        this_machine.run_apart(mitsuba_process, task=task)
         with np.load(Path(folder) / mitsuba_process.RESULT) as result:
             return result["images"], result["seconds"].tolist(), result["counts"].tolist()
 

@@ -175,6 +175,7 @@ TYPES = {
     "qmcjax.scenes.zone_plate": dict(frequency=["a"]),
     "qmcjax.sequences.direction_numbers": dict(sequence=[sequences.halton(2)]),
     "qmcjax.sequences.direction_numbers_text": dict(numbers=[7, [7], [(3, [1.0])]]),
+    "qmcjax.sequences.lattice_text": dict(lattice=[sequences.lattice(2)]),
     "qmcjax.sequences.kronecker": dict(steps=[2, [0.5, "x"], [0.5, True]]),
     "qmcjax.sequences.net_by_net": dict(sequence=[sequences.uniform(2, 0)]),
     "qmcjax.sequences.sobol_of": dict(numbers=[7, [7], [(3, [1.0])]]),

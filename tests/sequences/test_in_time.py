@@ -215,12 +215,9 @@ def test_frame_0_of_the_first_pair_is_the_sampler_without_frames():
 
 
 test_what_does_not_move_is_refused = refused(
-    (lambda: sequences.in_time(sequences.halton(2)), TypeError, "sequence must be a sequence in base 2"),
     (lambda: sequences.in_time(sequences.jittered(2, 2, 0)), "sequence must be"),
-    (lambda: sequences.in_time(sequences.sobol(2)).at_frame(-1), ValueError, "frame must be integers in"),
     (lambda: samplers.z(4, 4, 1, 1).at_frame(1), TypeError, "sampler must be made with frames"),
     (lambda: samplers.optimized(4, 4, 1, 1).at_frame(1), TypeError, "sampler must be made with frames"),
-    (lambda: samplers.z(4, 4, 1, 1, frames=0), ValueError, "frames must be an integer in"),
     (
         lambda: samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 1).at_frame(1),
         TypeError,

@@ -96,14 +96,6 @@ def test_index_in_cell_at_the_largest_sizes(net, m):
     assert np.array_equal(bits >> 20, jnp.stack([x, y], axis=1))
 
 
-@each("net", NETS)
-def test_more_cells_than_points_is_an_error(net):
-    with pytest.raises(
-        ValueError, match="m must be at least 8 for one point in each of 16 x 16 cells, got m=7"
-    ):
-        net(7).points_per_cell(4)
-
-
 FRAMED = {
     "sobol": sequences.sobol(4),
     "larcher_pillichshammer": sequences.larcher_pillichshammer(),

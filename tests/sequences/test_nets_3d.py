@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import again, first, is_net, refuses, slow
+from tables import again, first, is_net, slow
 
 from analysis import squared_min_distance, t_value
 from qmcjax import samplers, sequences
@@ -161,14 +161,3 @@ def test_mirrors_are_words_reversed(net):
     index = jnp.asarray(first(64))
     for dim in range(3):
         assert np.array_equal(reverse(net(6).bit_reversed(index, dim)), net(6).word(index, dim))
-
-
-test_bad_input_is_named = refuses(
-    ValueError,
-    {
-        "index must be integers .* got 64": lambda: sequences.permutation_net_3d(6)(64),
-        "m must be at least 8 for one point in each of 16 x 16 cells, got m=7": lambda: (
-            sequences.sobol_net_3d(7).points_per_cell(4)
-        ),
-    },
-)

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from refusals import refused
 
 from qmcjax import sequences
 
@@ -165,16 +164,3 @@ def test_large_files_are_not_read(file):
         sequences.read_matrices(file("1 0\n0 1\n1 1\n"), base=2)
     with pytest.raises(ValueError, match=r"line 3, must be the number of points, n=8, got '16'"):
         sequences.read_lattice(file("# lattice\n3\n16\n1\n7\n5\n"), 8)
-
-
-test_bad_input_is_named = refused(
-    (TypeError, lambda: sequences.read_matrices(3), "path must be a path or a string, got 3"),
-    (TypeError, lambda: sequences.matrices_text([[1]]), "matrices must be uint32"),
-    (
-        TypeError,
-        lambda: sequences.lattice_text(sequences.lattice(2)),
-        "lattice must be a rank-1 lattice",
-    ),
-    (ValueError, lambda: sequences.read_matrices("a", base=1), r"base must be an integer in \[2, 256\]"),
-    (ValueError, lambda: sequences.read_lattice("a", 0), "n must be an integer"),
-)

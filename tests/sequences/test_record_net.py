@@ -159,12 +159,3 @@ def test_program_goes_on_and_keeps_the_better():
         assert seconds[0] < seconds[1] < seconds[2]
         assert values[2] <= values[1] < 1
     assert len(kept) == 8
-
-
-def test_errors():
-    listed = r"n must be one of .*256, 512.* for dims=3 and discrepancy='star', got 100"
-    with pytest.raises(ValueError, match=listed):
-        sequences.record_net(100, 3)
-    listed = r"discrepancy must be one of \('star', 'periodic', 'average'\), got 'l2'"
-    with pytest.raises(ValueError, match=listed):
-        sequences.record_net(16, 3, "l2")

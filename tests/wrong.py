@@ -10,22 +10,41 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import qmc
 
+from analysis import Filter
 from qmcjax import orders, samplers, scenes, sequences, tracing
 
 SAMPLER = samplers.z(4, 4, 4, 1)
 
 VALUES = {
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []]),
+    "analysis.convergence": dict(regions=[{}], samplers=[{}], spps=[[], [1, 0], [4, 1, 4]]),
+    "analysis.design_samples": dict(integrands=["lines"]),
+    "analysis.dispersion": dict(points=[np.zeros((3, 4))]),
+    "analysis.expected_error": dict(
+        filters=[-1.0, Filter([[1.0, -2.0]]), Filter(1.0, [[1.0]]), [Filter(weight=0.0)]],
+        integrands=["lines", {"bumps": -1.0}, [], [scenes.occluder()], [lambda x: x / 0], lambda x, y: x - y],
+        points=[np.zeros((3, 2)), np.ones((2, 2, 1, 2))],
+    ),
     "analysis.filtered_error": dict(sigma=[-1.0], time=[-1.0, [0.0], [[1.0]]]),
     "analysis.interval_counts": dict(digits=[(1,), (1, -1), (20, 9)], points=[np.zeros((1, 65))]),
-    "analysis.optimize_scrambling": dict(measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))]),
+    "analysis.minimize": dict(loss=[lambda free, key: np.zeros(2)], parameters=[{}, np.float32(np.nan)]),
+    "analysis.optimize_points": dict(
+        measure=[lambda p: p[0], lambda p: 1, lambda p: jnp.log(p[0, 0] - p[0, 0])]
+    ),
+    "analysis.optimize_scrambling": dict(
+        measure=[lambda p: p, lambda p: jnp.sqrt(-jnp.sum(p))],
+        points=[[[0, 0], [1, 1], [2, 2]], [1, 2], [[1, 1], [2, 2]]],
+    ),
+    "analysis.perceived_error": dict(distance=[0.0, math.inf]),
     "analysis.pixel_means": dict(dims=[(0, 2)]),
     "analysis.projection_t_values": dict(size=[3]),
+    "analysis.riesz_energy": dict(exponent=[-1.0, math.inf], points=[np.zeros((1, 2))]),
     "analysis.search_discrepancy": dict(start=[np.zeros((3, 2)), np.zeros((5, 2)), np.ones((4, 2))]),
     "analysis.search_matrices": dict(
         budget_s=[0], dims=[4], steps=[0], targets=[{}, [(3, 12)], {17: 5}, {3: 0}, {3: 49}]
     ),
     "analysis.search_net": dict(budget_s=[0]),
+    "analysis.soft_min_distance": dict(exponent=[0.0], points=[np.zeros((1, 2))]),
     "analysis.squared_min_distance": dict(
         points=[np.zeros((1, 2), int), [[0, 4], [1, 1]], [[0, -1], [1, 1]]], shear=[5]
     ),
@@ -161,6 +180,12 @@ TYPES = {
         samplers=[{"a": lambda n: n}, {"a": lambda key: key}],
         scenes=[{"a": 3}, {"a": scenes.function(jnp.ravel, ("x", "y"))}],
         spps=[4],
+    ),
+    "analysis.convergence": dict(
+        progress=[1], regions=[[np.s_[:]]], samplers=[[SAMPLER], {"a": 3}], scene=[SAMPLER], spps=[4, [1.0]]
+    ),
+    "analysis.expected_error": dict(
+        filters=["gauss"], integrands=[None, [3]], points=[np.zeros((2, 2, 1, 2), int)]
     ),
     "analysis.interval_counts": dict(digits=[1]),
     "analysis.is_stratified": dict(digits=[(0.5, 1)]),

@@ -151,27 +151,13 @@ def refuse(spp):
 
 GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}
 BAD = [
-    (dict(spps=[]), r"spps.*\[\]"),
-    (dict(spps=[1, 0]), "spps.*0"),
-    (dict(spps=[1, -4]), "spps.*-4"),
-    (dict(spps=[1.0]), "spps.*1.0"),
     (dict(spps=[4, 1, 4]), r"different.*\[4, 1, 4\]"),
-    (dict(samplers={}), "samplers"),
     (dict(samplers={"net": Fake(1.0, 0.0, made_for=4)}), "spp must be 4, got 1"),
     (dict(samplers={"good": SAMPLERS["slow"], "none": lambda spp: None}), r"samplers\['none'\].*None"),
     (dict(samplers={"slow": SAMPLERS["slow"], "net": refuse}), "spp must be a power of four, got 1"),
-    (dict(width=0), "width.*0"),
-    (dict(height=2**17), "height.*131072"),
-    (dict(repeats=0), "repeats.*0"),
-    (dict(regions={}), "regions"),
     (dict(regions={"nothing": np.s_[8:]}), r"regions\['nothing'\]"),
     (dict(regions={"other mask": np.ones((4, 4), bool)}), r"regions\['other mask'\]"),
     (dict(height=1), r"regions\['upper'\]"),
-    (dict(samplers=[SAMPLERS["slow"]]), "samplers must map names"),
-    (dict(samplers={"a": 3}), r"samplers\['a'\] must be a sampler .* 3"),
-    (dict(spps=4), "spps must be .* 4"),
-    (dict(regions=[np.s_[:]]), "regions must map names"),
-    (dict(progress=1), "progress must be .* 1"),
     (dict(reference=np.zeros((8, 8))), r"reference must be a pair .* array of float64 \(8, 8\)"),
     (dict(reference=(np.zeros((8, 8)),)), "reference must be a pair .* got 1 values"),
     (dict(reference=(np.zeros((8, 9)), 0.0)), r"reference\[0\] must have shape \(8, 8\) .* got \(8, 9\)"),
@@ -222,18 +208,11 @@ def scene_with(reference):
     ("error", "scene", "message"),
     [
         (TypeError, scenes.function(lambda p: p[..., 0], ("x", "y")), "scene must have a ref.*estimated_ref"),
-        (TypeError, samplers.independent(sequences.sobol(2), 1), "scene must be a scene"),
         (TypeError, scene_with(lambda *_: None), r"scene.reference\(width, height\) must be a pair"),
         (
             ValueError,
             scene_with(lambda *_: (np.zeros(8), 0)),
             r"scene.reference.*\[0\] must have shape \(8, 8\)",
-        ),
-        (ValueError, scene_with(lambda *_: (np.full((8, 8), np.inf), 0)), r"scene.ref.*\[0\] must be finite"),
-        (
-            TypeError,
-            scene_with(lambda *_: (np.zeros((8, 8)), "0")),
-            r"scene.reference.*\[1\] must be a bound",
         ),
     ],
 )

@@ -131,3 +131,13 @@ test_bad_input_is_named = refuses(
         ),
     },
 )
+
+
+def test_blocks_of_pixels_outside_of_the_image_are_skipped():
+    """A Hilbert curve over 5 x 3 pixels is that of 8 x 8."""
+    order, whole = orders.hilbert(5, 3), np.asarray(orders.hilbert(8, 8).position(*np.mgrid[:8, :8][::-1]))
+    y, x = np.mgrid[:3, :5]
+    index = whole[y, x][..., None] * 2 + np.arange(2)
+    assert index.max() >= 5 * 3 * 2
+    drawn = samplers.contiguous(order, sequences.sobol(2), 2)(x[..., None], y[..., None], np.arange(2))
+    assert np.array_equal(drawn, np.asarray(sequences.sobol(2)(index.ravel())).reshape(3, 5, 2, 2))

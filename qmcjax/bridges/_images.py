@@ -4,7 +4,6 @@ import io
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -71,7 +70,8 @@ def write_image(
         if checks.integer("bits", bits, 8, 16) not in (8, 16):
             raise ValueError(f"bits must be 8 or 16, got {bits}")
         values = np.clip(pixels, 0, 1)
-        values = _srgb_of(values) if transfer == "srgb" else values
+        if transfer == "srgb":  # IEC 61966-2-1
+            values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
         whole = np.rint(values * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
         path.write_bytes(encode_png(whole, {"Software": "qmcjax"}, transfer))
         return
@@ -131,7 +131,7 @@ def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.flo
         return read_exr(path)
     data = path.read_bytes()
     if suffix == ".png":
-        return _light_of_png(_decode_png(data), transfer)
+        return _light_of_png(data, transfer)
     array = read_npy(data)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
@@ -197,17 +197,6 @@ def _checksum(channels: Mapping[str, NDArray[np.float32]]) -> int:
     return int(np.uint32(zlib.crc32(lines.astype("<f4").tobytes())).view(np.int32))
 
 
-@dataclass(frozen=True)
-class _Png:
-    """A decoded file."""
-
-    pixels: NDArray
-    """uint8 or uint16 (height, width, channels)."""
-    gamma: float | None
-    """Exponent of the transfer from light to values, if the file has one."""
-    srgb: bool
-
-
 def encode_png(pixels: NDArray, texts: Mapping[str, str], transfer: str | None = None) -> bytes:
     """Return a PNG file of uint8 or uint16 pixels, shape (height, width, channels), and of Latin-1 texts."""
     import png  # pyright: ignore[reportMissingImports]
@@ -223,8 +212,11 @@ def encode_png(pixels: NDArray, texts: Mapping[str, str], transfer: str | None =
     return file.getvalue()
 
 
-def _decode_png(data: bytes) -> _Png:
-    """Return the contents of a PNG file, or raise a ValueError that begins with the place."""
+def decode_png(data: bytes) -> tuple[NDArray, float | None, bool]:
+    """Return the pixels of a PNG file, as :func:`encode_png` takes them, its gamma, and whether it is sRGB.
+
+    A ValueError begins with the place.
+    """
     import png  # pyright: ignore[reportMissingImports]
 
     names, place = [], 0
@@ -244,31 +236,21 @@ def _decode_png(data: bytes) -> _Png:
         if len(values) != height:
             raise png.FormatError(f"it has {len(values)} of {height} rows")
     except (png.Error, zlib.error, EOFError) as error:
-        raise ValueError(
-            f"byte {place}, must be an image of 8 or 16 bits without palette: {error.args[0]}"
-        ) from None
-    pixels = np.stack(values).reshape(height, width, info["planes"])
-    return _Png(pixels, info.get("gamma"), b"sRGB" in names)
+        what = f"must be an image of 8 or 16 bits without palette: {error.args[0]}"
+        raise ValueError(f"byte {place}, {what}") from None
+    return np.stack(values).reshape(height, width, info["planes"]), info.get("gamma"), b"sRGB" in names
 
 
-def _light_of_png(png: _Png, transfer: str | None) -> NDArray[np.float32]:
-    says = "srgb" if png.srgb else "linear" if png.gamma == 1 else None
+def _light_of_png(data: bytes, transfer: str | None) -> NDArray[np.float32]:
+    pixels, gamma, srgb = decode_png(data)
+    says = "srgb" if srgb else "linear" if gamma == 1 else None
     if says is None and transfer is None:
-        what = "nothing" if png.gamma is None else f"the exponent {png.gamma}"
+        what = "nothing" if gamma is None else f"the exponent {gamma}"
         raise ValueError(f"transfer must be given, for the file says {what} of its values")
     if says and transfer and says != transfer:
         raise ValueError(f"transfer must be {says!r}, as the file says, got {transfer!r}")
-    values = png.pixels / float(np.iinfo(png.pixels.dtype).max)
+    values = pixels / float(np.iinfo(pixels.dtype).max)
     if (says or transfer) == "srgb":
-        colours = 1 if values.shape[2] < 3 else 3
-        values[..., :colours] = _light_of_srgb(values[..., :colours])
+        colours = values[..., : 1 if values.shape[2] < 3 else 3]
+        colours[:] = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
     return values.astype(np.float32)
-
-
-def _srgb_of(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return sRGB values of light in [0, 1] (IEC 61966-2-1)."""
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
-
-
-def _light_of_srgb(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)

@@ -1,5 +1,6 @@
 """Files of images: every bit comes back, and damaged files are refused."""
 
+import io
 import re
 import struct
 import sys
@@ -46,6 +47,18 @@ test_wrong_arguments_are_named = refused(
     (lambda: write_image("a.npy", [[0.5]], transfer="srgb"), ValueError, "transfer must be None except for"),
     (lambda: write_image("a.npy", [[1e300]]), ValueError, "image must be in the range of float32"),
 )
+
+
+@pytest.mark.parametrize("channels", [1, 2, 3, 4])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_png_keeps_every_bit_and_word(channels, dtype):
+    pixels = np.random.default_rng(2).integers(0, np.iinfo(dtype).max, (7, 5, channels), dtype, endpoint=True)
+    for transfer, said in (("srgb", (0.45455, True)), ("linear", (1.0, False)), (None, (None, False))):
+        data = _images.encode_png(pixels, {"Title": "größer"}, transfer)
+        found, *says = _images.decode_png(data)
+        assert found.dtype == dtype and np.array_equal(found, pixels) and tuple(says) == said
+        if channels == 1 or dtype == np.uint8:  # Pillow has no others.
+            assert Image.open(io.BytesIO(data)).text == {"Title": "größer"}
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])

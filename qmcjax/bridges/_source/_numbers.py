@@ -60,8 +60,9 @@ def _integer_pow(value: Value, y: int) -> Value:
             power = square if power is None else power * square
         exponent >>= 1
         square = square * square if exponent else square
-    one = value.builder.constant(1, value.dtype)
-    return one if power is None else power if y > 0 else one.apply("div", power)
+    if power is None:
+        return value.builder.constant(1, value.dtype)
+    return power if y > 0 else 1 / power
 
 
 def _sign(value: Value) -> Value:
@@ -104,15 +105,6 @@ def _leading_zeros(reader: Reader, equation: Equation, given: list[Entries]) -> 
         return _ones(~word) - max(32 - 8 * dtype.itemsize, 0)
 
     return [reader.map(zeros, dtype, *given)]
-
-
-def _logistic(value: Value) -> Value:
-    one, falling = value.builder.constant(1, value.dtype), value.apply("neg").apply("exp")
-    return one.apply("div", one + falling)
-
-
-def _rsqrt(value: Value) -> Value:
-    return value.builder.constant(1, value.dtype).apply("div", value.apply("sqrt"))
 
 
 def _polynomial(value: Value, *coefficients: Value) -> Value:
@@ -185,10 +177,8 @@ RULES: dict[str, Rule] = {
     "round": _of_entries(_round, "rounding_method"),
     "population_count": _of_entries(_ones),
     "clz": _leading_zeros,
-    "logistic": _of_entries(_logistic),
-    "rsqrt": _of_entries(
-        lambda value: value.builder.constant(1, value.dtype).apply("div", value.apply("sqrt"))
-    ),
+    "logistic": _of_entries(lambda value: 1 / (value.apply("neg").apply("exp") + 1)),
+    "rsqrt": _of_entries(lambda value: 1 / value.apply("sqrt")),
     "polynomial": _of_entries(_polynomial),
     "one_minus_square": _of_entries(lambda value: (value + 1) * (1 - value)),
     "is_finite": _of_entries(

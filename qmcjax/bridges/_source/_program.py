@@ -104,6 +104,9 @@ class Value:
     def __rsub__(self, other: int) -> Value:
         return self.builder.constant(other, self.dtype) - self
 
+    def __rtruediv__(self, other: int) -> Value:
+        return self.builder.constant(other, self.dtype).apply("div", self)
+
     def __invert__(self) -> Value:
         return self.apply("not")
 

@@ -1,1 +1,1 @@
-"""What people look at: one module a figure, each with ``make(quality, progress) -> (picture, numbers)``."""
+"""What people look at: figures, each a function ``(quality, progress) -> (picture, numbers)``."""

@@ -45,7 +45,7 @@ NOTE = (
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make_scenes(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Design points for each scene, and measure them by all cameras."""
     side, counts = SIDE[quality], COUNTS[quality]
     measured: dict[str, dict[str, Any]] = {}

@@ -13,7 +13,7 @@ from figures.shared.sheets.image_sheets import DPI
 PARTS = {
     "tiles": designed_tiles.make,
     "animations": space_time.make,
-    "scenes": designed_for_scenes.make,
+    "scenes": designed_for_scenes.make_scenes,
 }
 
 

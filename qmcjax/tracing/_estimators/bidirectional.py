@@ -11,8 +11,8 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, validate_parts
-from qmcjax.tracing._estimators.varies import Seen
+from qmcjax.tracing._estimators.estimator import Coordinates, validate_parts
+from qmcjax.tracing._estimators.paths import Draws, Scattering
 from qmcjax.tracing._light.interaction import Choice, SurfaceInteraction, any_of, emission, interact, visible
 from qmcjax.tracing._light.light_paths import (
     Emission,
@@ -33,15 +33,6 @@ from qmcjax.tracing._shapes.vectors import Vector, dot, each, keep, minus, plus,
 from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
-
-
-class _Draws(NamedTuple):
-    """The coordinates used at one surface, and its number."""
-
-    choice: Choice
-    turn: Turn
-    number: Array
-    """1 for the first surface."""
 
 
 class _Path(NamedTuple):
@@ -91,7 +82,7 @@ class _Surface(NamedTuple):
 
 
 @frozen_pytree
-class Bidirectional(Estimator):
+class Bidirectional(Scattering):
     """See :func:`bidirectional`."""
 
     world: World
@@ -109,9 +100,6 @@ class Bidirectional(Estimator):
         needs = bounce_needs(self.world, self.bounces)
         return needs + emission_needs(self.world, self._vertices)
 
-    def moves(self, found: Seen) -> Array:
-        return found.objects | found.moves if self.bounces else found.moves
-
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
         black, white = (zero, zero, zero), (one, one, one)
@@ -121,23 +109,15 @@ class Bidirectional(Estimator):
         if self._vertices:
             turns = [Turn.of(coordinates, f"scatter{s}") for s in range(1, self._vertices)]
             light = light_path(world, sight.time, Emission.of(coordinates), turns)
-        draws = [self._draws(coordinates, k) for k in range(self.bounces + 1)]
-        stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
         surfaces = self.bounces + 1
 
-        def step(path: _Path, draw: _Draws) -> tuple[_Path, None]:
+        def step(path: _Path, draw: Draws) -> tuple[_Path, None]:
             return _step(world, sight.time, path, draw, light, surfaces), None
 
-        return jax.lax.scan(step, path, stacked)[0].radiance
-
-    def _draws(self, coordinates: Coordinates, vertex: int) -> _Draws:
-        """Return the coordinates of a vertex: for its light, and for the bounce away from it."""
-        choice = Choice.of(coordinates, str(vertex) if vertex else "")
-        turn = Turn.of(coordinates, f"bounce{min(vertex + 1, self.bounces)}")
-        return _Draws(choice, turn, jnp.asarray(vertex + 1))
+        return jax.lax.scan(step, path, self.draws(coordinates))[0].radiance
 
 
-def _step(world: World, time: Array, path: _Path, draw: _Draws, light: Vertex | None, surfaces: int) -> _Path:
+def _step(world: World, time: Array, path: _Path, draw: Draws, light: Vertex | None, surfaces: int) -> _Path:
     """Follow paths to the next surface, add the light there, and scatter them."""
     at = interact(world, path.origin, path.direction, time)
     emitted, chosen = emission(world, at, path.origin, path.normal)

@@ -20,14 +20,37 @@ from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import World
 
 
-class _Draws(NamedTuple):
-    """The coordinates used at one surface; None where nothing is random."""
+class Draws(NamedTuple):
+    """The coordinates used at surfaces; None where nothing is random."""
 
     choice: Choice
     turn: Turn
     roulette: Array | None
-    last: Array
-    """Whether the path ends there."""
+    number: Array
+    """Of the surface: 1 for the first."""
+
+
+class Scattering(Estimator):
+    """Light scattered from surface to surface, with as many bounces between them."""
+
+    bounces: int
+
+    def moves(self, found: Seen) -> Array:
+        return found.objects | found.moves if self.bounces else found.moves
+
+    def draws(self, coordinates: Coordinates, roulette: Array | None = None) -> Draws:
+        """Return coordinates of all surfaces along a new first axis: of the light, and of the bounce away.
+
+        ``roulette`` replaces its coordinates before it begins.
+        """
+        draws = []
+        for k in range(self.bounces + 1):
+            bounce = min(k + 1, self.bounces)
+            survival = None if roulette is None else coordinates.get(f"roulette{bounce}", roulette)
+            turn = Turn.of(coordinates, f"bounce{bounce}")
+            choice = Choice.of(coordinates, str(k) if k else "")
+            draws.append(Draws(choice, turn, survival, jnp.asarray(k + 1)))
+        return jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
 
 
 class _Path(NamedTuple):
@@ -45,7 +68,7 @@ class _Path(NamedTuple):
 
 
 @frozen_pytree
-class PathTracing(Estimator):
+class PathTracing(Scattering):
     """See :func:`path_tracing`."""
 
     world: World
@@ -57,35 +80,20 @@ class PathTracing(Estimator):
     def light_needs(self) -> tuple[str, ...]:
         return bounce_needs(self.world, self.bounces, self.roulette)
 
-    def moves(self, found: Seen) -> Array:
-        return found.objects | found.moves if self.bounces else found.moves
-
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
         black, white = (zero, zero, zero), (one, one, one)
         start = _Path(sight.origin, sight.direction, black, one * np.inf, white, black)
-        draws = [self._draws(coordinates, k, one) for k in range(self.bounces + 1)]
-        stacked = jax.tree.map(lambda *parts: jnp.stack(parts), *draws)
+        # All paths survive before roulette begins.
+        draws = self.draws(coordinates, None if (self.roulette or np.inf) > self.bounces else -one)
 
-        def step(path: _Path, draw: _Draws) -> tuple[_Path, None]:
-            return _step(world, sight.time, path, draw), None
+        def step(path: _Path, draw: Draws) -> tuple[_Path, None]:
+            return _step(world, sight.time, path, draw, draw.number > self.bounces), None
 
-        return jax.lax.scan(step, start, stacked)[0].radiance
-
-    def _draws(self, coordinates: Coordinates, vertex: int, one: Array) -> _Draws:
-        """Return the coordinates of a vertex: for its light, and for the bounce away from it."""
-        ends = vertex == self.bounces
-        of_bounce = self.bounces if ends else vertex + 1
-        roulette = None
-        if self.roulette is not None and self.roulette <= self.bounces:
-            # All paths survive before roulette begins.
-            roulette = coordinates.get(f"roulette{of_bounce}", -one)
-        choice = Choice.of(coordinates, str(vertex) if vertex else "")
-        turn = Turn.of(coordinates, f"bounce{of_bounce}")
-        return _Draws(choice, turn, roulette, jnp.asarray(ends))
+        return jax.lax.scan(step, start, draws)[0].radiance
 
 
-def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
+def _step(world: World, time: Array, path: _Path, draw: Draws, last: Array) -> _Path:
     """Follow paths to the next surface, add the light there, and scatter them."""
     at = interact(world, path.origin, path.direction, time)
     emitted, density = emission(world, at, path.origin, path.normal)
@@ -93,13 +101,13 @@ def _step(world: World, time: Array, path: _Path, draw: _Draws) -> _Path:
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
 
     def gain(light: Sample, reflectance: Vector, density: Array) -> Vector:
-        weight = jnp.where(draw.last, 1, _weight(light.density, density))
+        weight = jnp.where(last, 1, _weight(light.density, density))
         return each(lambda t, r, a: t * r * a * weight, path.throughput, reflectance, light.arriving)
 
     radiance = plus(radiance, reflect_lights(world, draw.choice, at, time, gain))
     direction, factor, density = scatter(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
-    goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~draw.last
+    goes_on = at.hit.valid & (density > 0) & any_of(throughput) & ~last
     if draw.roulette is not None:
         largest = jnp.maximum(jnp.maximum(*throughput[:2]), throughput[2])
         survival = jax.lax.stop_gradient(jnp.where(draw.roulette < 0, 1, jnp.clip(largest, 0, 1)))

@@ -56,7 +56,7 @@ def search_boxes(n: int, dims: int, budget: Budget, rng: np.random.Generator, st
     few = n * dims <= _FEW
     while budget.step() or best is None:
         if best is None or budget.spent() < _FRESH:
-            points = min((_kronecker(n, dims, rng) for _ in range(_STARTS[few])), key=_star)
+            points = min((kronecker(n, dims, rng) for _ in range(_STARTS[few])), key=_star)
         else:
             points = _perturb(best, rng)
         moved, level = descend(points, _ROUNDS, _BOXES[few])
@@ -71,7 +71,8 @@ def _star(points: Floats) -> float:
     return WorstBoxes(points, 1 - 2.0**-24, 64).largest
 
 
-def _kronecker(n: int, dims: int, rng: np.random.Generator) -> Floats:
+def kronecker(n: int, dims: int, rng: np.random.Generator) -> Floats:
+    """Return a Kronecker set with random shifts and steps."""
     i = np.arange(n)[:, None] + 0.5
     return np.hstack([i / n, (i * rng.random(dims - 1) + rng.random(dims - 1)) % 1])
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from analysis._searches.box_search import search_boxes
+from analysis._searches.box_search import kronecker, search_boxes
 from analysis._searches.budget import Budget
 from analysis._searches.worst_boxes import WorstBoxes
 from analysis.tables import SEQUENCES
@@ -89,15 +89,14 @@ def _descents(
 ) -> NDArray[np.float64]:
     """Return the best of descents, each from the best of some perturbed Kronecker sets."""
     measure = analysis.periodic_discrepancy if discrepancy == "periodic" else analysis.symmetric_discrepancy
-    i = np.arange(n)[:, None] + 0.5
 
-    def kronecker() -> NDArray[np.float64]:
-        points = np.hstack([i / n, (i * rng.random(dims - 1) + rng.random(dims - 1)) % 1])
+    def perturbed() -> NDArray[np.float64]:
+        points = kronecker(n, dims, rng)
         return (points + 0.05 / n * rng.normal(size=points.shape)) % 1
 
     best, least, began = None, np.inf, time.process_time()
     while best is None or time.process_time() - began < seconds:
-        points = min((kronecker() for _ in range(_STARTS)), key=MEASURES[discrepancy])
+        points = min((perturbed() for _ in range(_STARTS)), key=MEASURES[discrepancy])
         found = analysis.optimize_points(points, measure, _STEPS, torus=discrepancy == "periodic")
         if found.values[-1] < least:
             best, least = found.points, found.values[-1]

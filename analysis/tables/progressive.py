@@ -190,12 +190,12 @@ class Found(NamedTuple):
     errors: NDArray[np.float64]
 
 
-def search(made: Matrices, log_side: int, log_counts: tuple[int, ...], trials: int) -> Found:
+def search(made: Matrices, log_counts: tuple[int, ...], trials: int) -> Found:
     """Search an order of the pixels of a tile for all these numbers of samples together."""
-    pairs, tables = filter_pairs(), [covariances(made, k, 2 * log_side) for k in log_counts]
+    pairs, tables = filter_pairs(), [covariances(made, k, 2 * LOG_SIDE) for k in log_counts]
     mean = Covariances(*(np.mean([table[k] for table in tables], axis=0) for k in (0, 1)))
-    positions = random_order(log_side, np.random.default_rng(SEED))
-    anneal_order(mean, pairs, positions, trials * 4**log_side, HOT, COLD, SEED)
+    positions = random_order(LOG_SIDE, np.random.default_rng(SEED))
+    anneal_order(mean, pairs, positions, trials * 4**LOG_SIDE, HOT, COLD, SEED)
     return Found(positions, np.sqrt([energy(table, pairs, positions, 0) for table in tables]))
 
 
@@ -215,17 +215,17 @@ def best_plane() -> tuple[int, ...]:
     """Return the basis of a level, in four dimensions, whose short search ends best."""
 
     def mean(basis: tuple[int, ...]) -> float:
-        return float(search(matrices(4, basis), LOG_SIDE, SHORT_COUNTS, SHORT_TRIALS).errors.mean())
+        return float(search(matrices(4, basis), SHORT_COUNTS, SHORT_TRIALS).errors.mean())
 
     return min(planes(), key=mean)
 
 
-def table(trials: int = TRIALS) -> Iterator[dict[str, NDArray]]:
+def table() -> Iterator[dict[str, NDArray]]:
     """Yield positions and matrices of two and four dimensions."""
     tables: dict[str, NDArray] = {}
     for dims, basis in ((2, (1, 2)), (4, best_plane())):
         made = matrices(dims, basis)
-        found = search(made, LOG_SIDE, tuple(range(LOG_COUNTS)), trials)
+        found = search(made, tuple(range(LOG_COUNTS)), TRIALS)
         tables[f"positions_{dims}"] = found.positions.astype(np.uint16)
         tables[f"samples_{dims}"], tables[f"pixels_{dims}"] = made
     yield tables

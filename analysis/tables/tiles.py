@@ -59,7 +59,7 @@ SWEEPS = 200
 Cost = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]], NDArray[np.floating]]
 
 
-def void_and_cluster(rng: np.random.Generator, sigma: float = 1.5) -> NDArray[np.uint16]:
+def void_and_cluster(rng: np.random.Generator) -> NDArray[np.uint16]:
     """Return the ranks of a dither mask, by R. Ulichney, "The void-and-cluster method", 1993.
 
     The largest void of the ones is the tightest cluster of the zeros, since the filter's sums over both add
@@ -67,7 +67,7 @@ def void_and_cluster(rng: np.random.Generator, sigma: float = 1.5) -> NDArray[np
     integers, so that ties do not depend on rounding.
     """
     distance = np.minimum(np.arange(LARGE_SIDE), LARGE_SIDE - np.arange(LARGE_SIDE))
-    bump = np.exp(-(distance[:, None] ** 2 + distance**2) / (2 * sigma**2))
+    bump = np.exp(-(distance[:, None] ** 2 + distance**2) / (2 * FILTER**2))
     bump = np.rint(bump * 2.0**40).astype(np.int64)
     bumps = np.tile(bump, (2, 2))
     ones = np.zeros(LARGE_SIDE**2, bool)
@@ -138,26 +138,24 @@ def arrange(cost: Cost, rng: np.random.Generator) -> NDArray[np.int64]:
     return tile
 
 
-def vector_mask(dims: int, rng: np.random.Generator) -> NDArray[np.uint16]:
+def vector_mask(rng: np.random.Generator) -> NDArray[np.uint16]:
     """Return the ranks of a mask of vectors, whose values are a net.
 
     The energy is that of I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016. Distances of
     values are not toroidal: if they were, each channel alone would be far from blue.
     """
-    ranks = np.asarray(sequences.sobol(dims).bits(jnp.arange(POOL, dtype=jnp.uint32))) >> 20
+    ranks = np.asarray(sequences.sobol(2).bits(jnp.arange(POOL, dtype=jnp.uint32))) >> 20
     values = (ranks / POOL).astype(np.float32)
 
     def cost(tile: NDArray, y: NDArray, x: NDArray) -> NDArray:
         around, weight = neighbours(tile, y, x, MASK_WIDTH)
         difference = values[around][:, None] - values[tile[y, x]][None, :, None]
-        return np.exp(-(np.square(difference).sum(axis=-1) ** (dims / 4))) @ weight
+        return np.exp(-(np.square(difference).sum(axis=-1) ** 0.5)) @ weight
 
     return ranks[arrange(cost, rng)].astype(np.uint16)
 
 
-def arrange_keys(
-    dims: int, seeds: NDArray[np.uint32], rng: np.random.Generator
-) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+def arrange_keys(dims: int, rng: np.random.Generator) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
     """Return scrambling and ranking keys of a tile.
 
     Candidate c has the ranking key r = c // 256, and a scrambling key that takes point r of the scrambled
@@ -172,7 +170,7 @@ def arrange_keys(
     index = jnp.arange(POOL, dtype=jnp.uint32)
     goals = np.asarray(sequences.sobol(dims).bits(index)) >> 16
     words = reverse(sequences.sobol(dims).bits(index[:SPP]))
-    points = np.asarray(reverse(owen_hash(words, jnp.asarray(seeds[None, :dims]))))
+    points = np.asarray(reverse(owen_hash(words, jnp.asarray(SEEDS[None, :dims]))))
     ranks = np.arange(POOL) // (POOL // SPP)
     keys = goals ^ (points[ranks] >> 16)
     samples = (points[np.arange(SPP) ^ ranks[:, None]] ^ (keys[:, None] << 16)) / 2.0**32
@@ -209,7 +207,7 @@ def masks() -> Iterator[dict[str, NDArray]]:
     """Yield a mask of numbers and one of vectors."""
     yield {
         "scalars": void_and_cluster(np.random.default_rng(1)),
-        "vectors": vector_mask(2, np.random.default_rng(1)),
+        "vectors": vector_mask(np.random.default_rng(1)),
     }
 
 
@@ -217,7 +215,7 @@ def ranked() -> Iterator[dict[str, NDArray]]:
     """Yield the keys of the ranked sampler in two, three and four dimensions."""
     tables: dict[str, NDArray] = {"seeds": SEEDS}
     for dims in (2, 3, 4):
-        keys, ranks = arrange_keys(dims, SEEDS, np.random.default_rng(dims))
+        keys, ranks = arrange_keys(dims, np.random.default_rng(dims))
         tables |= {f"keys_{dims}": keys, f"ranks_{dims}": ranks}
         yield tables
 

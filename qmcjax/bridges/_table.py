@@ -40,12 +40,10 @@ class Layout:
 
     @property
     def width(self) -> int:
-        """Columns of the texture."""
         return self.across * self.columns
 
     @property
     def height(self) -> int:
-        """Rows of the texture."""
         return -(-self.layers // self.across) * self.rows
 
     def texels(self, values: NDArray) -> NDArray:

@@ -26,7 +26,15 @@ from qmcjax.core.checks import prng_key
 
 ROOT = Path(__file__).parents[2]
 
-needs_mitsuba = pytest.mark.skipif(find_spec("mitsuba") is None, reason="Mitsuba is not installed")
+
+def in_mitsuba(test):
+    """Mark a slow test that needs Mitsuba."""
+    return pytest.mark.slow(pytest.mark.skipif(find_spec("mitsuba") is None, reason="no Mitsuba")(test))
+
+
+def in_llvm(test):
+    """Mark a slow test that needs Mitsuba with LLVM."""
+    return pytest.mark.slow(pytest.mark.usefixtures("llvm")(test))
 
 
 def stream_of(sampler, samples, key=0):
@@ -232,8 +240,7 @@ ROUNDING = 8 * 2.0**-24
 """Mitsuba adds 8 numbers below 1 in float32."""
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes, shared):
     """And are of the sampler's own coordinates."""
     found = shared("equal")
@@ -242,8 +249,7 @@ def test_scalar_images_are_equal_across_passes_tiles_and_processes(whole_bytes, 
     assert found["clone"] and found["fork"] and found["seek"]
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_what_cannot_be_is_refused():
     found_by("refused")
 
@@ -257,8 +263,7 @@ def compilers():
             pytest.skip(str(error))
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_compiled_functions_have_the_bits_of_the_sampler(shared):
     """Each sampler of the tests' table, all its pairs and one of padding, at corners and edges of blocks."""
     compilers()
@@ -268,8 +273,7 @@ def test_compiled_functions_have_the_bits_of_the_sampler(shared):
         assert equal == ["QmcjaxSampler", True], name
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_without_a_compiler_images_are_the_same(whole_bytes, monkeypatch, tmp_path):
     """What is missing, and what helps, is said once."""
     compilers()
@@ -301,8 +305,7 @@ def test_source_is_compiled_once(monkeypatch, tmp_path):
     assert len(list(path.parent.iterdir())) == 2
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_loaded_scenes_have_the_images_of_described_ones(variant, found_in):
     """For sensors with crop windows, borders, lenses, parallel rays and media, and for seeds."""
@@ -310,8 +313,7 @@ def test_loaded_scenes_have_the_images_of_described_ones(variant, found_in):
         assert off < 1e-5, name
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_scenes_of_files(variant, found_in, tmp_path):
     """Paths and loaded scenes, samplers made for the film, and what goes wrong."""
@@ -322,8 +324,7 @@ def test_scenes_of_files(variant, found_in, tmp_path):
     assert "\n  sampler = QmcSampler[\n    sampler = Independent(sobol(dims=6))" in found["printed"]
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_scenes_like_those_of_production():
     """Lenses, many lamps, glass, smoke, skies, masks, hair and rooms: variants have the same images.
 
@@ -343,8 +344,7 @@ def test_scenes_like_those_of_production():
             assert abs(one - other).max() < 1e-3, name
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, found_in):
     """Without seams, for filters wider than a pixel, borders and crop windows.
@@ -359,8 +359,7 @@ def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, found_in):
         assert saving < 0 or name == "box", "samples around tiles count"
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_passes_go_on_in_tiles_until_the_error_is_small():
     """To five standard deviations of the mean of some 50 tiles of 16 pixels, colours alike."""
     found = found_by("adaptive", "llvm_ad_rgb")
@@ -375,8 +374,7 @@ def test_passes_go_on_in_tiles_until_the_error_is_small():
         assert abs(later.mean() - 1) < 5 * np.sqrt(2 / 16 / len(later))
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_tiles_are_unbiased_when_asked_for(shared):
     """Four passes of four samples in four pixels see no line with probability (1 - width)^64, 0.77."""
     for unbiased, of in shared("spikes", "scalar_rgb").items():
@@ -386,8 +384,7 @@ def test_tiles_are_unbiased_when_asked_for(shared):
         assert (abs(deviation) < 5) == (unbiased == "True")
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_what_tiles_refuse(shared):
     """And a function makes the sampler for the film."""
     found = shared("adaptive_refused", "scalar_rgb")
@@ -401,8 +398,7 @@ def check_unbiased(found):
     assert found["square"] < 1.05 + 5 * 1.6 / 10
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_scalar_images_are_unbiased(shared):
     """Beside images with Mitsuba's own independent samples, pixel by pixel and as a whole."""
     check_unbiased(shared("unbiased", "scalar_rgb"))
@@ -420,8 +416,7 @@ def llvm():
         pytest.skip(str(error))
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 @pytest.mark.parametrize("of", ["bits", "in_loops"])
 def test_arrays_have_the_bits_of_the_sampler(of):
     """All coordinates of each sampler of the tests' table; pairs in loops of different lengths."""
@@ -429,8 +424,7 @@ def test_arrays_have_the_bits_of_the_sampler(of):
         assert all(equal), (name, equal)
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_pixels_are_the_films(variant):
     """For films of any size, crops, borders and blocks, passes and seeds: an integrator shows which."""
@@ -439,15 +433,13 @@ def test_pixels_are_the_films(variant):
         assert places and mean == (13.5 if name == "seed" else 11.5), name
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 @pytest.mark.parametrize("integrator", ["path", "prb", "volpath", "prbvolpath", "ptracer", "aov"])
 def test_vectorized_images_are_unbiased(integrator):
     check_unbiased(found_by("unbiased", "llvm_ad_rgb", integrator))
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_symbolic_and_evaluated_loops_are_the_same():
     """The same images; particle tracers add to pixels in any order."""
     found = found_by("modes")
@@ -455,8 +447,7 @@ def test_symbolic_and_evaluated_loops_are_the_same():
     assert found == dict.fromkeys(found, 0.0)
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_gradients_of_the_sky():
     """The image is linear in it: 5.4 is what 5 is of a normal variable, with 7 degrees of freedom 11."""
     found = np.array(found_by("gradients"))
@@ -465,8 +456,7 @@ def test_gradients_of_the_sky():
     assert abs(difference).max() < 0.2 * found[:, 0].mean() and found[:, 0].mean() > 0.1
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_wavefronts(whole_bytes):
     """What holds in scalar variants holds with LLVM."""
     found = found_by("wavefronts")
@@ -481,23 +471,20 @@ def test_wavefronts(whole_bytes):
     assert abs(np.array(found["image"]) - scalar).max() < ROUNDING
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_samplers_of_one_image_size_are_made_for_it(variant):
     found = found_by("of_size", variant)
     assert found == {"asked": [[40, 36, 2], [40, 36, 8]], "same": [True, True]}
 
 
-@pytest.mark.slow
-@pytest.mark.usefixtures("llvm")
+@in_llvm
 def test_scenes_can_be_printed():
     for text in found_by("printed").values():
         assert "sampler = Independent(sobol(dims=6))" in text and "sample_count = 4" in text
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_llvm_is_checked_in_a_process_of_its_own(monkeypatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
     with pytest.raises(RuntimeError, match=r"no LLVM is found .* need LLVM 19"):
@@ -516,8 +503,7 @@ def test_without_it_the_extra_is_named():
         mitsuba.register()
 
 
-@needs_mitsuba
-@pytest.mark.slow
+@in_mitsuba
 def test_the_page_of_the_documentation_runs(tmp_path):
     page = (ROOT / "figures" / "docs" / "bridges" / "mitsuba.rst").read_text(encoding="utf-8")
     blocks = re.findall(r"\.\. code-block:: python\n\n((?: {3}.*\n|\n)+)", page)

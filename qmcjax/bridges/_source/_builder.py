@@ -20,8 +20,6 @@ TINY = 4
 
 
 class Builder:
-    """Makes the values of one program."""
-
     def __init__(self) -> None:
         self._count = 0
         self._made: dict[Any, Value] = {}
@@ -61,11 +59,9 @@ class Builder:
         return loop
 
     def results(self, loop: Loop) -> list[Value]:
-        """Return the variables after the loop."""
         return [self._numbered(Value("result", v.dtype, (), n, loop)) for n, v in enumerate(loop.initial)]
 
     def apply(self, kind: str, *arguments: Value) -> Value:
-        """Return an operation of values of one dtype."""
         dtype = BOOL if kind in COMPARISONS else arguments[0].dtype
         if all(a.kind == "constant" for a in arguments) and (kind in FOLDED):
             with np.errstate(all="ignore"):

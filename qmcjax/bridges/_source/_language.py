@@ -134,7 +134,6 @@ class Language:
         return self.function(kind, dtype, *given)
 
     def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        """Return an operation that is written as a function."""
         return f"{self.functions.get(kind, kind)}({', '.join(given)})"
 
     def declare(self, dtype: np.dtype, name: str, value: str, changes: bool = False) -> str:
@@ -164,7 +163,6 @@ class Language:
         return self.returning("void", name, [*parameters, filled], inside)
 
     def local(self, kind: str, name: str) -> str:
-        """Return the declaration of a structure without values."""
         return self.uninitialized.format(kind=kind, name=name)
 
     def call(self, name: str, given: Sequence[str]) -> str:
@@ -173,7 +171,6 @@ class Language:
 
 
 def rows(language: Language, entries: NDArray[Any]) -> str:
-    """Return the entries of a table, in lines."""
     lines, line = [], "   "
     if entries.dtype.kind == "u":
         end = language.literal(entries.dtype.type(0))[1:]

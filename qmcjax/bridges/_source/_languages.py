@@ -42,8 +42,6 @@ static inline {to} qmcjax_as_{name}({of} value) {{
 
 
 class C(Language):
-    """C99 and C++."""
-
     types: ClassVar = {
         UINT: "uint32_t",
         INT: "int32_t",
@@ -168,7 +166,6 @@ class Shader(Language):
     """One of these words."""
 
     def from_word(self, dtype: np.dtype, word: str) -> str:
-        """Return a word as another dtype of 32 bits."""
         return self.of_bits(dtype, word) if dtype == FLOAT else f"{self.type(dtype)}({word})"
 
 
@@ -207,8 +204,6 @@ class Hlsl(Shader):
 
 
 class Wgsl(Shader):
-    """WGSL."""
-
     types: ClassVar = {UINT: "u32", INT: "i32", FLOAT: "f32", BOOL: "bool"}
     functions: ClassVar = {"round_even": "round"}
     smallest: ClassVar = "i32(-2147483648)"

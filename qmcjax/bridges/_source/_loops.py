@@ -57,7 +57,6 @@ class _Carry:
         self.loop: Loop = builder.loop([*flat, builder.constant(0, UINT)], around)
 
     def flat(self, arrays: Sequence[Entries]) -> list[Value]:
-        """Return the values of the arrays that change."""
         pairs = zip(arrays, self.unchanged, strict=True)
         return [value for entries, same in pairs if not same for value in words(entries)]
 

@@ -58,7 +58,6 @@ class _Lowering:
                 self._repeat(statement)
 
     def of(self, value: Value) -> Lowered:
-        """Return what stands for a value."""
         if value.kind == "result":
             return self._results[value.loop, value.detail]
         if value.kind != "constant":

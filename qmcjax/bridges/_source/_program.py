@@ -197,7 +197,6 @@ def _computed(statements: Iterable[Statement]) -> Iterator[Value]:
 
 
 def schedule(inputs: Iterable[Value], outputs: Iterable[Value]) -> Program:
-    """Return the program that computes outputs."""
     outputs = tuple(outputs)
     return Program(tuple(inputs), outputs, _Schedule(outputs).statements)
 

@@ -97,8 +97,6 @@ def lift(builder: Builder, entries: Entries) -> Entries:
 
 
 class Reader:
-    """Reads jaxprs into the values of one builder."""
-
     def __init__(self, builder: Builder, rules: Mapping[str, Rule]) -> None:
         self.builder, self.rules = builder, rules
 
@@ -118,7 +116,6 @@ class Reader:
         return [value(atom) for atom in jaxpr.outvars]
 
     def known(self, constant: Any, dtype: Any = None) -> Entries:
-        """Return a constant of a jaxpr."""
         if hasattr(constant, "dtype") and jnp.issubdtype(constant.dtype, jax.dtypes.prng_key):
             return as_keys(lift(self.builder, np.asarray(jax.random.key_data(constant))))
         return np.asarray(constant, dtype)
@@ -179,7 +176,6 @@ CONTAINERS = CALLS | {"cond", "scan", "while"}
 
 
 def elementwise(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    """Apply an operation entry by entry."""
     name, out = equation.name, equation.made[0]
     builder = reader.builder
     if name.startswith("shift"):

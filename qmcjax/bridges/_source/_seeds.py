@@ -63,7 +63,6 @@ class Seeded:
 
     @property
     def seeds(self) -> tuple[Any, ...]:
-        """The seeds as they are."""
         return tuple(self.leaves[place] for place in self.places)
 
     @property
@@ -83,7 +82,6 @@ class Seeded:
         return list(zip(self.paths, sizes, strict=True))
 
     def put(self, seeds: Any) -> Any:
-        """Return the object with other seeds."""
         leaves = list(self.leaves)
         for place, seed in zip(self.places, seeds, strict=True):
             leaves[place] = seed

@@ -173,7 +173,6 @@ class Floats:
         return self.words.equal(integer, self.words.pair(0))
 
     def of_word(self, word: Value) -> Pair:
-        """Convert a uint32."""
         w = self.words
         return self.compose(w.word(0), w.word(1023 + 62), (w.word(0), word))
 

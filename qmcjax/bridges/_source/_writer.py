@@ -35,7 +35,6 @@ class Tables:
         return np.concatenate([*self._bound, np.empty(0, np.uint32)])
 
     def read(self, table: Table, index: str) -> str:
-        """Return the entry of a table."""
         entries = table.entries
         if not isinstance(self._language, Shader) or len(entries) <= MOST_WRITTEN:
             name = self._names.setdefault(table, f"{self._prefix}_table{len(self._names)}")
@@ -49,7 +48,6 @@ class Tables:
         return word if entries.dtype.kind == "u" else self._language.from_word(widen(entries.dtype), word)
 
     def declarations(self) -> list[str]:
-        """Return the declarations of all tables that were named."""
         made = []
         if self._bound and isinstance(self._language, Shader):
             made.append(self._language.binding.format(name=f"{self._prefix}_tables"))
@@ -83,7 +81,6 @@ class Body:
         return f"v{self._count}"
 
     def _whole(self, value: Value) -> str:
-        """Return the expression of a value."""
         if value.kind == "result":
             return self._results[value.loop, value.detail]
         return self._language.literal(value.detail) if value.kind == "constant" else self._texts[value]
@@ -248,13 +245,11 @@ class Writer:
         self.add(self.language.returning(kind, name, self._parameters(named), [*lines, "return pixel;"]))
 
     def scalar(self, name: str, program: Program, named: Sequence[str], dtype: np.dtype) -> None:
-        """Add a function of words that returns a number."""
         body = self._body(program, named)
         lines = [*body.lines, f"return {body.outputs[0]};"]
         self.add(self.language.returning(self.language.type(dtype), name, self._parameters(named), lines))
 
     def both(self, first: Sequence[str], last: Sequence[str], count: int, dtype: np.dtype) -> None:
-        """Add the function that prepares and computes a sample."""
         seeds = ["seeds"] if self.seeds.size else []
         prepared = f"{self.name}_prepare({', '.join([*first, *seeds])})"
         call = self.language.call(f"{self.name}_sample", [prepared, *last, *seeds])
@@ -268,7 +263,6 @@ class Writer:
         return self._tables.bound
 
     def text(self, comment: str) -> Source:
-        """Return all of it."""
         functions = "\n\n".join(self._parts)
         before = [comment, *filter(None, [self.language.head(functions)]), *self._tables.declarations()]
         if self.seeds.size:

@@ -85,8 +85,6 @@ class Tiles:
 
 
 class TiledPass:
-    """The samples of a sampler in tiles."""
-
     def __init__(self, mitsuba: Any, scene: Any, tiles: Tiles, sampler: Any, key: int, spp: int) -> None:
         self.mitsuba, self.scene, self.tiles, self.spp = mitsuba, scene, tiles, spp
         plug_in = {"type": NAME, "sampler": wrap(sampler), "film": tiles.film, "key": key}
@@ -101,7 +99,6 @@ class TiledPass:
         self.sensor = delegate(mitsuba, tiles.sensor, tiles.film, self.sampler, moved)
 
     def render(self, number: int) -> NDArray:
-        """Return the pixels of a tile, shape (height, width, channels)."""
         tiles, corner = self.tiles, self.tiles.corner(number)
         # The sampler's first pixel is that of the whole film, or of its border.
         left, top = (start + crop + tiles.border for start, crop in zip(corner, tiles.crop, strict=True))

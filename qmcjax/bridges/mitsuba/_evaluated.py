@@ -43,7 +43,6 @@ class Arrays:
         return self.types[value.dtype](value.item())
 
     def operation(self, value: Value) -> Callable[..., Any]:
-        """Return the function that computes a value from its arguments."""
         kind, made = value.kind, self.types[value.dtype]
         if kind in ("convert", "bitcast"):
             return self._convert(value)

@@ -44,7 +44,6 @@ class Given:
         self._part = left, top, whole
 
     def window(self) -> Window:
-        """Return the current pixels of the film."""
         border = self._border
         width, height = (int(side) + 2 * border for side in self.film.crop_size())
         left, top = self._part[:2] if self._part else (int(start) for start in self.film.crop_offset())
@@ -68,7 +67,6 @@ class Given:
         return True
 
     def check_film(self) -> None:
-        """Raise unless the film is in use."""
         if not self.in_use():
             raise ValueError(
                 "film must be the sensor's film, got another: Mitsuba has not prepared it for an image. In "

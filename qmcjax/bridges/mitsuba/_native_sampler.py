@@ -170,8 +170,6 @@ def _text(of: _ButForSeeds) -> str:
 
 
 class Functions:
-    """The compiled functions of a sampler and its seeds."""
-
     def __init__(self, sampler: Sampler, padding: np.ndarray) -> None:
         self.sampler, self.dims = sampler, sampler.dims - sampler.dims % 2
         self.library = library(_text(_ButForSeeds(sampler)), "c")

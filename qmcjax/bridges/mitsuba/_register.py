@@ -147,8 +147,6 @@ def wrap(sampler: Any) -> Any:
         sampler = as_pixels("sampler", sampler)
 
     class Wrapped(mitsuba.Object):
-        """A sampler, opaque to Mitsuba."""
-
         def __init__(self) -> None:
             super().__init__()
             self.wrapped = sampler

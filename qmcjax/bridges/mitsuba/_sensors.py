@@ -139,7 +139,6 @@ def load_scene(scene: Any) -> tuple[Any, Any]:
 
 
 def sensor_of(scene: Any, number: Any) -> Any:
-    """Return one of the sensors of a scene."""
     sensors = scene.sensors()
     if not sensors:
         raise ValueError("scene must have a sensor, got one without")
@@ -152,8 +151,6 @@ def delegate(
     """Return a sensor that asks another one for rays, at positions that may be moved on its film."""
 
     class Delegate(mitsuba.Sensor):
-        """A sensor that asks another one for rays."""
-
         def __init__(self, properties: Any) -> None:
             super().__init__(properties)
             self.m_needs_sample_2 = sensor.needs_sample_2()

@@ -91,7 +91,6 @@ class Blocks:
         return number, pixel
 
     def block(self, number: int, per_pixel: int, first: int) -> Block:
-        """Return the samples of a block."""
         x, y = self.corners[number].tolist()
         return Block(self.window, (x, y), self.side, per_pixel, first)
 

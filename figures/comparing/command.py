@@ -1,10 +1,11 @@
 """The command line of comparisons."""
 
 import argparse
+import itertools
+import shlex
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import count as count_from
 from pathlib import Path
 
 from tqdm import tqdm
@@ -65,23 +66,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _plan(argv: Sequence[str], given: argparse.Namespace) -> Run:
     """Return what is to be measured, or raise an error of wrong usage."""
-    ground = _ground(given)
+    ground, size = _ground(given), Size(given.size, tuple(given.spp), given.keys)
     focus = [*map(samplers.parse, given.entries), *map(of_program, given.program)]
-    others = given.against or (WITH_MITSUBA if given.mitsuba else AGAINST)
-    all_of_them = (samplers.parse(BASE), *focus, *map(samplers.parse, others))
-    entries = _different_names({entry.text: entry for entry in all_of_them}.values())
-    in_focus = [entry.name for entry in entries if entry.text in {each.text for each in focus}]
-    size = Size(given.size, tuple(given.spp), given.keys)
-    promises = {e.name: _broken(e, size, ground) for e in entries if e.make and e.name in in_focus}
-    run = Run(
-        " ".join(["qmcjax compare", *argv]),
-        size,
-        ground,
-        given.mitsuba,
-        {e.name: e for e in entries},
-        in_focus,
-        promises,
-    )
+    others = map(samplers.parse, given.against or (WITH_MITSUBA if given.mitsuba else AGAINST))
+    by_text = {entry.text: entry for entry in (samplers.parse(BASE), *focus, *others)}
+    entries = {entry.name: entry for entry in _different_names(by_text.values())}
+    names = [name for name, entry in entries.items() if entry.text in {each.text for each in focus}]
+    promises = {name: _broken(entries[name], size, ground) for name in names if entries[name].make}
+    run = Run(shlex.join(["qmcjax", "compare", *argv]), size, ground, given.mitsuba, entries, names, promises)
     run.references |= {name: reference(name, given.size, given.size) for name in ground.scenes}
     return run
 
@@ -89,6 +81,8 @@ def _plan(argv: Sequence[str], given: argparse.Namespace) -> Run:
 def _ground(given: argparse.Namespace) -> Ground:
     names = given.scenes or (WHERE if given.integrands is None and not given.mitsuba else ())
     scenes = SCORED if ALL in names else tuple(dict.fromkeys(names))
+    if given.size < 32:  # Below, there are no low frequencies.
+        raise ValueError(f"--size must be at least 32, got {given.size}")
     for name in scenes:
         if SCENES[name][0] == TRACED and REFERENCE % given.size:
             raise ValueError(f"--size must divide {REFERENCE} for the reference of {name}, got {given.size}")
@@ -107,16 +101,12 @@ def _ground(given: argparse.Namespace) -> Ground:
 def _different_names(entries: Iterable[Entry]) -> list[Entry]:
     """Return entries with names that have files of their own on any system; only the user's change."""
     entries = list(entries)
-    files, renamed = {entry.text for entry in entries if entry.text == entry.name}, []
+    files, renamed = {entry.name for entry in entries if entry.text == entry.name}, []
     for entry in entries:
-        names = (f"{entry.name} {k}" if k > 1 else entry.name for k in count_from(1))
-        name = (
-            entry.name
-            if entry.text == entry.name
-            else next(n for n in names if web_images.slug(n) not in files)
-        )
-        files.add(web_images.slug(name))
-        renamed.append(replace(entry, name=name))
+        names = itertools.chain([entry.name], (f"{entry.name} {k}" for k in itertools.count(2)))
+        free = (name for name in names if web_images.slug(name) not in files)
+        renamed.append(entry if entry.text == entry.name else replace(entry, name=next(free)))
+        files.add(web_images.slug(renamed[-1].name))
     return renamed
 
 
@@ -163,31 +153,17 @@ examples:
         "--integrands",
         nargs="?",
         const=0,
-        type=_seed,
+        type=count,
         metavar="SEED",
         help="integrands of five classes in 2, 4 and 8 dimensions; with a seed others than the public ones",
     )
     add("--mitsuba", nargs="+", type=Path, default=[], metavar="FILE", help="scenes of Mitsuba 3 in XML")
     add("--spp", type=_counts, default=[1, 4, 16, 64], metavar="N,N,...", help="samples per pixel")
-    add("--size", type=_size, default=128, metavar="N", help="side of images (default: 128)")
+    add("--size", type=count, default=128, metavar="N", help="side of images (default: 128)")
     add("--keys", type=count, default=8, metavar="N", help="images of each (default: 8)")
     folder = Path("out/compare")
     add("--out", type=Path, default=folder, metavar="DIR", help=f"folder (default: {folder})")
     return parser
-
-
-def _seed(text: str) -> int:
-    value = int(text) if text.isdecimal() else 0
-    if not 1 <= value < 2**32:
-        raise argparse.ArgumentTypeError(f"must be an integer in [1, 2**32), got {text!r}")
-    return value
-
-
-def _size(text: str) -> int:
-    value = count(text)
-    if value < 32:
-        raise argparse.ArgumentTypeError(f"must be at least 32, got {text!r}")
-    return value
 
 
 def _counts(text: str) -> list[int]:

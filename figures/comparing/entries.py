@@ -56,6 +56,11 @@ class NotSupportedError(ValueError):
     """An entry has no points of this size, number of samples, or dimensions: not an error of it."""
 
 
+def reason(error: Exception) -> str:
+    """Return what an error says, with its kind if it is none of ours."""
+    return str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+
+
 @dataclass(frozen=True)
 class Entry:
     """A sampler or sequence that takes part."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import analysis
 from analysis import ComparisonRow
 from figures._errors import rms
-from figures.comparing.entries import Entry, NotSupportedError
+from figures.comparing.entries import Entry, NotSupportedError, reason
 from figures.comparing.scores import IN_TIME, MEASURES, Measured
 from figures.comparing.tasks import Ground, Size
 from figures.making import finished_cells
@@ -192,8 +192,7 @@ class Run:
                 except NotSupportedError as error:
                     self.missing.setdefault((entry.name, str(error)), []).append(name)
                 except Exception as error:  # Functions of users raise what they like.
-                    kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
-                    self.failed[entry.name] = f"{name}: {kind}{error}"
+                    self.failed[entry.name] = f"{name}: {reason(error)}"
             progress()
             return arrays
 

@@ -1,7 +1,7 @@
 """Pictures of the page: errors over those of random samples, and spectra of errors."""
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -19,6 +19,8 @@ DRAWN = ("rms", "filtered")
 
 MOST = 2
 """Names of entries that a title has."""
+
+NONE = Score(np.nan, np.nan, np.nan)
 
 DPI = 100
 """Spectra are as wide as the page, in pixels."""
@@ -48,22 +50,28 @@ def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[
     return by_place
 
 
-def errors(place: str, of: Mapping[str, Curves], spps: Sequence[int]) -> bytes:
-    """Draw the curves of a family or scene as SVG, a panel for each measure."""
+def errors(place: str, of: Mapping[str, Curves], names: Iterable[str], spps: Sequence[int]) -> bytes:
+    """Draw the curves of a family or scene as SVG, a panel for each measure; ``names``: of all entries."""
+    labels = [_label(name) for name in names]
     with mpl.rc_context({"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}):
         figure = Figure(figsize=(12, 4.5), layout="constrained")
         for axes, (measure, by_entry) in zip(figure.subplots(1, len(of)), of.items(), strict=True):
             means, bands = {}, {}
             for name, scores in by_entry.items():
-                triple = np.array([scores.get(spp, [np.nan] * 3) for spp in spps]).T
-                means[_label(name)] = np.where(triple[0] > 0, triple[0], np.nan)
-                if np.isfinite(triple).all() and (triple > 0).all():
-                    bands[_label(name)] = triple[1:]
-            means = {name: values for name, values in means.items() if not np.isnan(values).all()}
+                table = np.array([scores.get(spp, NONE) for spp in spps])
+                table[table[:, 0] == 0] = np.nan
+                if not np.isnan(table).all():
+                    means[_label(name)], bands[_label(name)] = table[:, 0], table[:, 1:].T
             if means:
-                look = {"slopes": (), "ylabel": "error / error of random samples", "ax": axes}
+                there = ~np.isnan(list(means.values())).all(axis=0)
+                means = {name: values[there] for name, values in means.items()}
+                bands = {name: ends[:, there] for name, ends in bands.items()}
+                bands = {name: ends for name, ends in bands.items() if np.isfinite(ends).all() and ends.all()}
+                look = {"slopes": (), "ylabel": "error / error of random samples", "among": labels}
                 about = title(f"{place}, {MEASURES[measure]}", by_entry)
-                plot.convergence(spps, means, bands=bands, title=about, **look)
+                plot.convergence(
+                    np.array(spps)[there].tolist(), means, bands=bands, title=about, ax=axes, **look
+                )
                 axes.axhline(1, color="black", lw=0.8, zorder=1)
         return _file(figure, format="svg", metadata={"Date": None})
 
@@ -88,9 +96,9 @@ def title(about: str, of: Curves) -> str:
     return f"{about}, {spp} samples\nleast with {', '.join(alike[:MOST])}{more} ({best.middle:.2g})"
 
 
-def spectra(scene: str, rows: Sequence[ComparisonRow]) -> bytes:
+def spectra(scene: str, rows: Sequence[ComparisonRow], names: Iterable[str]) -> bytes:
     """Draw the radial power of the errors of a scene as PNG, at the least and the most samples."""
-    counts, labels = sorted({row.spp for row in rows}), [_label(row.sampler) for row in rows]
+    counts, labels = sorted({row.spp for row in rows}), [_label(name) for name in names]
     counts = counts[:: max(1, len(counts) - 1)]
     figure = Figure(figsize=(5.8 * len(counts), 3.4), layout="constrained")
     for axes, spp in zip(np.ravel(figure.subplots(1, len(counts))), counts, strict=True):

@@ -52,7 +52,7 @@ def write(run: Run, folder: Path) -> Path:
     drawn = {}
     for place, of in pictures.curves(ratios, run.size.spps).items():
         drawn[place] = f"{web_images.slug(place)}.errors.svg"
-        store.write(folder / drawn[place], pictures.errors(place, of, run.size.spps))
+        store.write(folder / drawn[place], pictures.errors(place, of, run.entries, run.size.spps))
     store.write(folder / PAGE, _page(run, kept, summary, drawn, folder).encode())
     return folder / PAGE
 
@@ -143,7 +143,7 @@ def _page(
         machine=f"{machine['processor']}, {machine['cores']} cores, JAX {machine['jax']}",
         command=run.command,
         notes=_paragraphs(run.notes),
-        promises=join(_promise(name, broken) for name, broken in run.promises.items()),
+        promises=_promises(run),
         summary=_table("Summary", summary),
         curves=join(
             _picture(file, f"errors on {place}") for place, file in drawn.items() if place not in scenes
@@ -177,15 +177,15 @@ def _line(cells: Markup) -> Markup:
     return fill("<tr>$cells</tr>", cells=cells)
 
 
-def _promise(name: str, broken: Sequence[str]) -> Markup:
-    if not broken:
-        return fill("<p>Kept by $name.</p>", name=name)
-    return fill(
-        '<p class="warning"><b>$name</b> breaks $count: what follows may mean nothing.</p><ul>$items</ul>',
-        name=name,
-        count=quantity(len(broken), "promise"),
-        items=join(fill("<li>$sentence</li>", sentence=sentence) for sentence in broken),
-    )
+def _promises(run: Run) -> Markup:
+    kept = [name for name, broken in run.promises.items() if not broken]
+    parts = [_paragraphs([f"Kept by {', '.join(kept)}."] * bool(kept))]
+    for name, broken in run.promises.items():
+        items = join(fill("<li>$sentence</li>", sentence=sentence) for sentence in broken)
+        count = f"breaks {quantity(len(broken), 'promise')}: what follows may mean nothing"
+        warning = '<p class="warning"><b>$name</b> $count.</p><ul>$items</ul>'
+        parts += [fill(warning, name=name, count=count, items=items)] * bool(broken)
+    return join(parts)
 
 
 def _classes(kept: Mapping[str, Any]) -> Markup:
@@ -247,7 +247,7 @@ def _scene(of: str, compared: Comparison, run: Run, drawn: Mapping[str, str], fo
     rows, slug = [row for row in compared.rows if row.scene == of], web_images.slug(of)
     parts = _paragraphs([] if rows else ["Nothing was rendered."])
     if rows:
-        store.write(folder / f"{slug}.spectra.png", pictures.spectra(of, rows))
+        store.write(folder / f"{slug}.spectra.png", pictures.spectra(of, rows, run.entries))
         images = {"reference": compared.references[of]} | {
             f"{row.sampler}, {row.spp} spp": row.image for row in rows
         }

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures.comparing import entries
-from figures.comparing.entries import Entry, Make, NotSupportedError
+from figures.comparing.entries import Entry, Make, NotSupportedError, reason
 from figures.shared.imported_objects import import_object
 from figures.shared.rivals import RIVALS
 from qmcjax import samplers, sequences
@@ -76,7 +76,12 @@ def _of_object(text: str) -> Entry:
 
     def call(frames: int | None, *given: int) -> samplers.Sampler:
         arguments = dict(zip(PARAMETERS, given, strict=True)) | {FRAMES: frames}
-        made = value if hasattr(value, "dims") else value(**{each: arguments[each] for each in names})
+        made = value
+        if not hasattr(value, "dims"):
+            try:
+                made = value(**{each: arguments[each] for each in names})
+            except Exception as error:  # It may raise what it likes.
+                raise NotSupportedError(reason(error)) from error
         if isinstance(made, sequences.Sequence):
             return samplers.independent(made, given[-1], "shift")
         return samplers.as_sampler(name, made)

@@ -37,6 +37,7 @@ def convergence(
     floor: float | None = None,
     title: str = "",
     ylabel: str = "RMS error",
+    among: Sequence[str] = (),
     ax: Axes | None = None,
 ) -> Axes:
     """Draw errors over samples per pixel, both logarithmic, with the names of samplers beside their curves.
@@ -56,6 +57,8 @@ def convergence(
     floor : float, optional
         The reference's own error, drawn as a line.
     title, ylabel : str, optional
+    among : sequence of str, optional
+        Names of all samplers of several plots, for the same styles in all.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -97,7 +100,8 @@ def convergence(
     scale = x**times
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
-    named = [(name, values[~np.isnan(values)][-1], style(name, of).color) for name, values in of.items()]
+    styles = {name: style(name, [*among, *of]) for name in of}
+    named = [(name, values[~np.isnan(values)][-1], styles[name].color) for name, values in of.items()]
     for power in powers:
         rate = start * (x / x[0]) ** (power + times)
         ax.plot(x, rate, ":", color=_RATE, lw=0.8, zorder=0)
@@ -106,7 +110,7 @@ def convergence(
         ax.plot(x, floor * scale, "-", color="0.6", lw=0.8, zorder=0)
         ax.annotate("error of the reference", (x[0], floor * scale[0]), fontsize=8, color="0.4", va="bottom")
     for name, values in of.items():
-        drawn = style(name, of)
+        drawn = styles[name]
         there = ~np.isnan(values)
         ax.plot(x[there], values[there], drawn.line, color=drawn.color, marker=drawn.marker, ms=4, lw=1.2)
         if bands and name in bands:

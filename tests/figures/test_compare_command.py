@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +18,8 @@ import pytest
 from analysis import ComparisonRow
 from figures import _cpp, ledger, plot
 from figures.__main__ import main
-from figures.comparing import entries, measuring, pictures, report, scores, tasks
-from figures.comparing.entries import NotSupportedError, of_program
+from figures.comparing import command, entries, measuring, pictures, report, scores, tasks
+from figures.comparing.entries import NotSupportedError, of_program, read
 from figures.comparing.measuring import frame_errors
 from figures.comparing.mitsuba import at_equal_time
 from figures.comparing.samplers import parse
@@ -32,43 +33,21 @@ from qmcjax.core import packages
 
 OWN = """
 import jax.numpy as jnp
+from figures.shared.rivals import RIVALS
 from qmcjax import samplers, sequences
 
-def owen(dims, key):
-    return samplers.independent(sequences.sobol(dims), key)
-
-def moving(width, height, spp, dims, key, frames):
-    return samplers.z(width, height, spp, key, dims=dims, frames=frames)
-
-def few(key):
-    return samplers.independent(sequences.sobol(2), key)
-
-def copy(width, height, spp, dims, key):
-    from figures.shared.rivals import RIVALS
-    return RIVALS["random"].make(dims, width, height, spp, key)
-
-def other(size):
-    return None
-
-def nothing():
-    return None
-
-def raises():
-    return samplers.function(lambda x, y, sample: 1 / 0, 2)
-
-def broken():
-    return samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
-
 halton = sequences.halton(4)
-Owen = owen
-"""
-
-WRITES = """
-import struct, sys
-import numpy as np
-numbers = {name: int(value) for name, value in zip(sys.argv[1::2], sys.argv[2::2])}
-count = numbers["--width"] * numbers["--height"] * numbers["--spp"] * numbers["--dims"]
-made = np.random.default_rng(numbers["--seed"]).random(count).astype(np.float32) * np.float32(0.99)
+owen = lambda dims, key: samplers.independent(sequences.sobol(dims), key)
+few = lambda key: samplers.independent(sequences.sobol(2), key)
+moving = lambda width, height, spp, dims, key, frames: samplers.z(
+    width, height, spp, key, dims=dims, frames=frames
+)
+copy = lambda width, height, spp, dims, key: RIVALS["random"].make(dims, width, height, spp, key)
+other = lambda size: None
+nothing = lambda: None
+raises = lambda: samplers.function(lambda x, y, sample: 1 / 0, 2)
+stops = lambda: 1 / 0
+broken = lambda: samplers.function(lambda x, y, sample: jnp.zeros((*x.shape, 2)) + 0.25, 2)
 """
 
 SMALL = ["--spp", "1,4", "--size", "32", "--keys", "4", "--scenes", "disc"]
@@ -158,50 +137,58 @@ def test_the_example_in_cpp_gives_the_points_that_it_says(folder):
         of_program("./mine {width}").points(3, 2, 4, 2, 9)
 
 
-def test_text_and_bytes_are_the_same_points(folder, monkeypatch):
-    """Under the command qmcjax, too, programs in Python find what is beside them."""
+def test_output_of_programs():
+    """Text and bytes are the same points; what is none says where."""
+    points = np.random.default_rng(1).random((3, 2, 4, 2)).astype(np.float32) * np.float32(0.99)
+    text = ", ".join(map(repr, points.ravel().tolist())).encode()
+    assert all(np.array_equal(read(data, points.shape), points) for data in (points.tobytes(), text))
+    whole = r"2 x 3 pixels x 4 samples x 2 dimensions = 48"
+    wrong = {whole + ".*got 47": points.tobytes()[:-4], "48 float32, got 191 bytes": points.tobytes()[:-1]}
+    wrong["it must write numbers: could not convert"] = b"0.5 0.5.5"
+    for where, value, place in (
+        (10, np.nan, r"0 of pixel \(1, 0\), sample 1"),
+        (47, 1, r"1 of pixel \(1, 2\), sample 3"),
+    ):
+        other = points.ravel().copy()
+        other[where] = value
+        wrong[place] = other.tobytes()
+    wrong[r"0 of pixel \(0, 0\), sample 0, is -0.5"] = (points - points - np.float32(0.5)).tobytes()
+    for message, data in wrong.items():
+        with pytest.raises(ValueError, match=message):
+            read(data, points.shape)
+
+
+def test_programs_in_python(folder, monkeypatch):
+    """Under the command qmcjax, too, they find what is beside them; how they end is told."""
     monkeypatch.setenv(packages.SAFE, "1")
-    Path("beside.py").write_text("")
-    Path("writes.py").write_text(WRITES + "import beside; sys.stdout.buffer.write(made.tobytes())")
-    Path("text.py").write_text(WRITES + "print(*map(repr, made.tolist()), sep=', ')")
-    made = [of_program(f"{sys.executable} {name}.py").points(2, 3, 4, 2, 1) for name in ("writes", "text")]
-    assert made[0].shape == (3, 2, 4, 2) and np.array_equal(made[0], made[1])
-
-
-@pytest.mark.parametrize(
-    ("code", "message"),
-    [
-        (
-            "sys.stdout.buffer.write(made[:-1].tobytes())",
-            r"2 x 3 pixels x 4 samples x 2 dimensions = 48 .*got 47",
-        ),
-        ("sys.stdout.buffer.write(made.tobytes()[:-1])", "48 float32, got 191 bytes"),
-        (
-            "made[10] = np.nan; sys.stdout.buffer.write(made.tobytes())",
-            r"0 of pixel \(1, 0\), sample 1, is nan",
-        ),
-        ("made[47] = 1; sys.stdout.buffer.write(made.tobytes())", r"1 of pixel \(1, 2\), sample 3, is 1.0"),
-        ("made[0] = -0.5; sys.stdout.buffer.write(made.tobytes())", r"pixel \(0, 0\), sample 0, is -0.5"),
-        ("print('0.5 0.5.5')", "it must write numbers: could not convert"),
-        ("sys.exit('out of paper')", "ended with status 1: out of paper"),
-        ("import time; time.sleep(60)", "did not end within 0.5 seconds"),
-    ],
-)
-def test_programs_that_fail(folder, monkeypatch, code, message):
-    if "sleep" in code:
-        monkeypatch.setattr(entries, "SECONDS", 0.5)
-    Path("bad.py").write_text(WRITES + code)
-    with pytest.raises(ValueError, match=message) as caught:
-        of_program(f"{sys.executable} bad.py").points(2, 3, 4, 2, 1)
-    assert not isinstance(caught.value, NotSupportedError)
+    Path("beside.py").write_text("w, h, n, d, k = map(int, __import__('sys').argv[2::2])")
+    codes = {
+        "works": "print(*[k / 16] * (w * h * n * d))",
+        "fails": "raise SystemExit('out of paper')",
+        "sleeps": "import time; time.sleep(60)",
+        "two": "import sys; print('2-D only', file=sys.stderr); sys.exit(2)",
+    }
+    for name, code in codes.items():
+        Path(f"{name}.py").write_text(f"from beside import *\n{code}")
+    programs = {name: of_program(f"{sys.executable} {name}.py") for name in codes}
+    assert (programs["works"].points(2, 3, 4, 2, 1) == np.full((3, 2, 4, 2), 1 / 16)).all()
+    with pytest.raises(NotSupportedError, match="status 2: 2-D only"):
+        programs["two"].points(2, 3, 4, 4, 1)
+    for name, message in (
+        ("fails", "ended with status 1: out of paper"),
+        ("sleeps", "not end within 0.5 seconds"),
+    ):
+        monkeypatch.setattr(entries, "SECONDS", 0.5 if name == "sleeps" else 120)
+        with pytest.raises(ValueError, match=message) as caught:
+            programs[name].points(2, 3, 4, 2, 1)
+        assert not isinstance(caught.value, NotSupportedError)
 
 
 def test_what_is_not_supported_is_no_failure(folder):
-    Path("two.py").write_text("import sys; print('2-D only', file=sys.stderr); sys.exit(2)")
-    with pytest.raises(NotSupportedError, match="status 2: 2-D only"):
-        of_program(f"{sys.executable} two.py").points(2, 3, 4, 4, 1)
     with pytest.raises(NotSupportedError, match="it has 2 dimensions, not 4"):
         parse("my_samplers:few").points(8, 8, 4, 4, 0)
+    with pytest.raises(NotSupportedError, match="ZeroDivisionError: division by zero"):
+        parse("my_samplers:stops").points(8, 8, 4, 2, 0)
     with pytest.raises(NotSupportedError, match="it has 16 points, not 64"):
         parse("my_points.npy").points(8, 8, 64, 2, 0)
 
@@ -216,7 +203,7 @@ def test_what_is_not_supported_is_no_failure(folder):
         (["no_such"], "entries are module:name, a file of points, or one of random, owen"),
         (["owen", "--against", "best"], "or one of random, owen, .*, got 'best'"),
         (["outside.npy"], r"outside.npy: points must be in \[0, 1\), got .*1.5"),
-        (["--integrands", "-1"], "must be an integer in"),
+        (["--integrands", "-1"], "must be an integer of at least 1"),
         (["--program", ""], "--program must be a command"),
         (["--spp", "4,1"], "must be ascending numbers"),
         (["--size", "16"], "must be at least 32"),
@@ -238,26 +225,14 @@ def test_wrong_usage(folder, capsys, words, message):
     assert not Path("out").exists()
 
 
-def test_names_that_differ_only_by_case_or_signs(folder, monkeypatch):
-    """Each entry is compared, by a name whose files are its own on any system."""
-    Path("owen").mkdir()
-    rng, files = np.random.default_rng(2), ["own_points", "Own-Points", "owen/own_points", "OWEN"]
-    for file in files:
-        np.save(f"{file}.npy", rng.random((8, 2)))
-    plans = []
-
-    def measure(self, *given):
-        plans.append(self)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(measuring.Run, "measure", measure)
-    points = [f"{file}.npy" for file in files]
-    words = ["my_samplers:owen", "my_samplers:Owen", *points, *SMALL, "--against", "owen"]
-    assert main(["compare", *words]) == 130
-    names = ["owen 2", "Owen 3", "own_points", "Own-Points 2", "own_points 3", "OWEN 4"]
-    assert list(plans[0].entries) == ["random", *names, "owen"] and plans[0].focus == names
-    images, _ = web_images.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in plans[0].entries})
-    assert len({name.lower() for name in images}) == 1 + 3 * (1 + len(names))
+def test_names_that_differ_only_by_case_or_signs():
+    """Entries of the user have names whose files are their own on any system; those of others keep theirs."""
+    names = ["owen", "Owen", "own_points", "Own-Points", "own_points", "OWEN"]
+    given = [replace(parse("owen"), name=name, text=f"{k}.npy") for k, name in enumerate(names)]
+    named = [entry.name for entry in command._different_names([*given, parse("owen")])]
+    assert named == ["owen 2", "Owen 3", "own_points", "Own-Points 2", "own_points 3", "OWEN 4", "owen"]
+    images, _ = web_images.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in ("reference", *named)})
+    assert len({name.lower() for name in images}) == 1 + 3 * len(named)
 
 
 @pytest.mark.slow
@@ -275,12 +250,12 @@ def test_an_interrupted_run_goes_on(folder, monkeypatch, capsys):
         return image_errors(entry, *given)
 
     monkeypatch.setattr(measuring, "image_errors", counted)
-    command = ["compare", "--against", "my_samplers:owen", *SMALL]
-    assert main(command) == 130
+    words = ["compare", "--against", "my_samplers:owen", *SMALL]
+    assert main(words) == 130
     assert computed == ["random", "random", "owen", "interrupted"]
-    assert main(command) == 0
+    assert main(words) == 0
     assert computed[4:] == ["owen"]
-    assert main([*command, "--integrands", "3"]) == 0
+    assert main([*words, "--integrands", "3"]) == 0
     assert computed[5:] == ["random", "random", "owen", "owen"]
     assert {row["format"] for row in table()} == {str(scores.FORMAT)}
 
@@ -289,26 +264,23 @@ def test_an_interrupted_run_goes_on(folder, monkeypatch, capsys):
 def test_files_of_a_comparison(folder, monkeypatch, capsys):
     """All files that the page names; a row for each task; scores of a copy: 1; summaries; a playground."""
     monkeypatch.setattr(tasks, "DIMS", (2, 4))
-    command = "compare my_samplers:copy my_points.npy --against scipy-halton --integrands".split()
-    assert main([*command, *SMALL, "ball"]) == 0
+    words = "compare my_samplers:copy my_points.npy --against scipy-halton --integrands".split()
+    assert main([*words, *SMALL, "ball"]) == 0
     assert capsys.readouterr().out.split() == ["out/compare/index.html"]
     out, rows = Path("out/compare"), table()
     assert list(rows[0])[:8] == ["format", "entry", "dims", "class", "task", "spp", "samples", "keys"]
     count = len(tasks.CLASSES) * tasks.COUNT
-    images = {row["entry"]: sum(bool(r["rms"]) for r in rows if r["entry"] == row["entry"]) for row in rows}
+    images = Counter(row["entry"] for row in rows if row["rms"])
     whole = 2 * 2 * count
     assert images == {
         "random": whole + 4,
         "copy": whole + 4,
-        "my_points": whole // 2 + 2,
+        "my_points": whole / 2 + 2,
         "scipy-halton": whole,
     }
-    assert all(
-        float(r[f"{m}_low"]) < float(r[m]) < float(r[f"{m}_high"])
-        for m in ("rms", "in_time")
-        for r in rows
-        if r[m]
-    )
+    for measure in ("rms", "in_time"):
+        ends = [[float(r[f"{measure}{end}"]) for end in ("_low", "", "_high")] for r in rows if r[measure]]
+        assert all(low < middle < high for low, middle, high in ends)
     assert sum(bool(row["in_time"]) for row in rows) == (2 * 2 + 1) * count
     kept = json.loads((out / "scores.json").read_text())["entries"]
     assert all(values[0] == 1 for measures in kept["copy"]["scores"].values() for values in measures.values())
@@ -443,6 +415,9 @@ def test_a_title_names_what_is_not_told_apart():
         "c": {4: Score(0.7, 0.61, 0.8)},
     }
     assert pictures.title("2-D", of) == "2-D, 4 samples\nleast with a, b (0.5)"
+    # Without the first number of samples, with an error of 0, and with no error at all.
+    of = {"rms": {"a": {4: of["a"][4]}, "b": {4: Score(0.0, 0.0, np.inf)}}, "filtered": {}}
+    assert b"least with b, a (0)" in pictures.errors("2-D", of, ["a", "b"], [1, 4])
     names = [f"entry {k}" for k in range(15)]
     assert len({plot.style(name, names) for name in names}) == len(names)
 
@@ -468,9 +443,6 @@ def test_errors_at_equal_time():
     ours = [row_of("ours", n, 2.0 * n, [1 / n, 5 / n]) for n in (1, 4, 16)]
     once = [row_of("once", 4, 16.0, [0.5, 0.7])]
     rows = at_equal_time([*ours, *theirs, *once])
-    assert [row.values["RMS error"] for row in rows] == [
-        row.values["RMS error"] for row in (*ours, *theirs, *once)
-    ]
     for row, own in zip(rows[:3], ours, strict=True):
         assert np.allclose(row.values["RMS error at equal time"], 2 * np.array(own.values["RMS error"]))
     for row in rows[3:6]:
@@ -515,9 +487,7 @@ def test_scenes_of_mitsuba(folder, capsys):
     page = Path("out/compare/index.html").read_text(encoding="utf-8")
     assert '"width":32,"height":48' in page
     assert "RMS error at equal time" in page and "Kept by owen." in page
-    assert (
-        "mitsuba-stratified, ball, 3 samples: spp must be a number that it takes, got 3: it takes 4" in page
-    )
+    assert "mitsuba-stratified, ball, 3 samples: spp must be a number that it takes, got 3" in page
     assert "z, ball, 3 samples" in page and "scipy-halton, ball: Mitsuba asks" in page
     rows = [row for row in table() if row["class"] == tasks.OF_MITSUBA]
     assert len(rows) == 3 + 3 + 3 + 2 + 2

@@ -252,24 +252,6 @@ def test_blocks_of_a_sequence():
     assert t_value(words[32 : 32 + 2**7]) == t + 2
 
 
-@pytest.mark.parametrize("m", [9, *(pytest.param(m, marks=pytest.mark.slow) for m in (3, 4, 8, 12))])
-def test_thesis_nets(m):
-    nets = [
-        sequences.hammersley_net(m),
-        sequences.larcher_pillichshammer_net(m),
-        sequences.permutation_net(m),
-        sequences.optimized_net(m),
-        sequences.sobol_net_3d(m),
-        sequences.larcher_pillichshammer_net_3d(m),
-    ]
-    for net in nets:
-        words = bits(net, first(2**m))
-        assert t_value(words) == 0
-        assert is_latin_hypercube(words)
-        assert np.all(interval_counts(words, (1,) * net.dims) == 2**m >> net.dims)
-        assert not is_stratified(words, (1,) * (net.dims - 1) + (m,))
-
-
 @pytest.mark.parametrize("m", [2, 5, 6, 8, 9, 11])
 def test_each_octant_tiling_raises_t_by_one(m):
     words = bits(sequences.permutation_net_3d(m), first(2**m))
@@ -292,23 +274,6 @@ def test_faure_nets(base, dims, m, dtype):
     rng = np.random.default_rng(base)
     more = np.triu(rng.integers(0, base, (m, m)), 1) + np.eye(m, dtype=int)
     assert t_value(np.concatenate([with_index, more[None]]), base) > 0
-
-
-SCRAMBLINGS = [
-    sequences.digital_shift,
-    sequences.owen,
-    pytest.param(sequences.linear_matrix_scramble, marks=pytest.mark.slow),
-    pytest.param(sequences.owen_exact, marks=pytest.mark.slow),
-]
-
-
-@pytest.mark.parametrize("scramble", SCRAMBLINGS)
-def test_nested_permutations_of_digits_keep_t(scramble):
-    plain, m = sequences.sobol(4), 8
-    words = np.asarray(bits(scramble(plain, key=1), first(2**m)))
-    assert np.all((words[0] != 0) & (words[0] != words[1]))
-    assert t_value(words) == t_value(plain.matrices, m=m) == 3
-    assert projection_t_values(words) == projection_t_values(plain.matrices, m=m)
 
 
 def test_a_rotation_does_not_keep_t():

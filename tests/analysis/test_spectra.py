@@ -103,23 +103,11 @@ def test_radial_average_and_anisotropy_by_exact_annuli(size):
 
 test_bad_errors = refused(
     (np.zeros((4, 4)), np.zeros((4, 5)), r"one shape.*\(4, 4\).*\(4, 5\)"),
-    (np.zeros(4), np.zeros(4), r"shape.*\(4,\)"),
-    (np.zeros((0, 4)), np.zeros((0, 4)), r"shape.*\(0, 4\)"),
-    (np.eye(4), np.eye(4), "more than a constant"),
     (np.full((4, 4), 0.1), np.zeros((4, 4)), "more than a constant.*0.1"),
     (np.full((4, 4, 3), [0.1, 0.2, 0.3]), np.zeros((4, 4, 3)), "more than a constant.*0.3"),
-    (np.full((4, 4), np.nan), np.zeros((4, 4)), "finite"),
-    (np.zeros((4, 4)), np.diag([np.inf, 0, 0, 0]), "finite"),
     call=error_spectrum,
     error=ValueError,
 )
-
-
-@pytest.mark.parametrize("measure", [radial_average, radial_anisotropy])
-@pytest.mark.parametrize("shape", [(4,), (1, 1), (0, 3), (3, 1, 1), (0, 2, 2), (2, 2, 2, 3)])
-def test_bad_spectra(shape, measure):
-    with pytest.raises(ValueError, match="spectrum"):
-        measure(np.ones(shape))
 
 
 def test_anisotropy_of_known_spectra():

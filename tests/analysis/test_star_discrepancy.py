@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from tables import slow
 
 from analysis import star_discrepancy, star_discrepancy_bounds
-from analysis._star import regions as _star_regions
 from analysis._star import space as _star_space
 from analysis._star import star_discrepancy as _star_discrepancy
 from analysis._star.critical_grid import critical_grid, local_discrepancy, rounding
@@ -273,13 +272,6 @@ def test_threshold_accepting():
         lower, _ = star_discrepancy_bounds(sobol(8, 128), key=key, regions=1)
         assert SOBOL_8_128 - 2 * rounding(8) <= lower <= SOBOL_8_128
     assert len({star_discrepancy_bounds(sobol(20, 200), key=key, regions=1) for key in range(2)}) == 2
-
-
-def test_batches_do_not_matter(monkeypatch):
-    """Regions of a round one at a time, or all at once."""
-    monkeypatch.setattr(_star_regions, "_BATCH", 1)
-    for name, points in families(14, 3):
-        assert star_discrepancy(points) == pytest.approx(by_full_grid(points), abs=1e-15), name
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Trees that are optimised or built in other ways (thesis Fig. 4.1, Sect. 4.1.3 and 4.1.4)."""
+"""Thesis Sect. 4.1.3 and 4.1.4: trees by the surface area heuristic and by other ways."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,82 +6,16 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared.costs import in_turns, median, timed
-from figures.shared.sheets.image_sheets import Panel, image_grid
 from figures.shared.sheets.panels import new_figure, text_table
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, leaf_depths, trace
 
-SIDE_4_1 = {"draft": 48, "paper": 288}
-
-NOTE_4_1 = (
-    "{side} x {side} rays through pixel centres; a node counts if its box is entered on the way to the "
-    "nearest hit, nearer children first; one triangle a leaf. The tree is that of the surface area heuristic "
-    "by an exact sweep, then one run over the whole tree with subtrees of up to 8 leaves. Both images of a "
-    "mesh have the same scale; in the difference grey is the same number, black is fewer after. The thesis "
-    "shows one pair of images as the improvement. Ours get darker in some places and brighter in others: "
-    "what moves up in the tree is visited by rays that did not visit it before."
-)
-
-
-def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Count visited nodes in each pixel through both trees of each mesh."""
-    side = SIDE_4_1[quality]
-    panels, measured = [], {}
-    for done, name in enumerate(meshes.MESHES, start=1):
-        mesh = meshes.made(name, quality)
-        rays = Rays(*meshes.camera_rays(mesh, side))
-        distance = trees.triangle_distances(mesh.triangles, *rays)
-        tree = trees.surface_area_tree(*meshes.corners(mesh.triangles))
-        better = trees.optimal_subtrees(tree)
-        before, after = (trace(each, rays, distance).visits.reshape(side, side) for each in (tree, better))
-        change = after - before
-        # A few pixels at silhouettes have far more than all others.
-        nodes = float(np.percentile(np.maximum(before, after), 99.5))
-        most = float(np.percentile(abs(change), 99)) or 1.0
-        measured[name] = {
-            "triangles": len(mesh.triangles),
-            "mean before": float(before.mean()),
-            "mean after": float(after.mean()),
-            "reduction in percent": float(100 * (1 - after.mean() / before.mean())),
-            "summed area, reduction in percent": 100
-            * (1 - trees.summed_area(better) / trees.summed_area(tree)),
-            "pixels with fewer": float(np.mean(change < 0)),
-            "pixels with more": float(np.mean(change > 0)),
-        }
-        for when, visits in (("before", before), ("after", after)):
-            caption = f"{name}: {when}\nmean {visits.mean():.2f}, yellow {nodes:.0f} nodes"
-            panels.append(Panel(caption, _false(visits / nodes)))
-        caption = (
-            f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
-            f"blue -{most:.0f}, red +{most:.0f}"
-        )
-        panels.append(Panel(caption, _false(0.5 + 0.5 * change / most, "RdBu_r")))
-        progress(done / len(meshes.MESHES))
-    title = f"Nodes that a ray visits, {side} x {side} pixels\n(thesis Fig. 4.1, on our meshes)"
-    claims = {
-        "fewer nodes are traversed after the optimisation, on average over the picture": {
-            name: of["mean after"] < of["mean before"] for name, of in measured.items()
-        },
-        "more pixels have fewer nodes than have more": {
-            name: of["pixels with fewer"] > of["pixels with more"] for name, of in measured.items()
-        },
-    }
-    numbers = {"measured": measured, "claims": claims, "note": NOTE_4_1.format(side=side)}
-    return image_grid(title, panels, 3, 288), numbers
-
-
-def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:
-    """Return an image in false colours, from 0 to 1."""
-    return colormaps[colors](np.clip(part, 0, 1))[..., :3]
-
-
-SIDE_4_1_3 = {"draft": 24, "paper": 96}
+SIDE = {"draft": 24, "paper": 96}
 FAN = 200
 """Triangles of the fan."""
 QUADRATIC = 2000
@@ -94,7 +28,7 @@ EMBREE = find_spec("embreex") is not None
 
 SAH, CENTRES = "surface area heuristic", "2-means of centres"
 
-NOTE_4_1_3 = (
+NOTE = (
     "Summed areas and nodes of {side} x {side} primary rays relative to the tree of the surface area "
     "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
     "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
@@ -126,9 +60,9 @@ def _of_centres(low: NDArray, high: NDArray) -> trees.Tree:
     return trees.refitted(trees.two_means_tree(center, center, tries=2), low, high)
 
 
-def thesis_4_1_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Build trees of all meshes in all ways, and send rays through them."""
-    side = SIDE_4_1_3[quality]
+    side = SIDE[quality]
     measured: dict[str, dict[str, Any]] = {}
     marks: dict[str, float] = {}
     small = meshes.Mesh(meshes.knot(2, 3, 48, 10), (0.0, 1.0, -7.0), (0.0, 0.0, 0.0))
@@ -167,7 +101,7 @@ def thesis_4_1_3(quality: str, progress: Callable[[float], None]) -> tuple[Figur
     numbers = {
         "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
         "claims": claims,
-        "note": NOTE_4_1_3.format(
+        "note": NOTE.format(
             side=side,
             depth=fan["quadratic split"],
             least=fan[SAH],

@@ -112,7 +112,6 @@ class NetByFrames:
         return self.sequence.word(index, dim)
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of frames."""
         if log_side != self.log_side:
             raise ValueError(f"log_side must be {self.log_side}, as of the frames, got {log_side}")
         return 4 ** (16 - log_side)
@@ -140,16 +139,13 @@ class Moved:
 
     @property
     def dims(self) -> int:
-        """Number of dimensions."""
         return self.net.dims
 
     @property
     def size(self) -> int | None:
-        """Number of points, None for frames."""
         return self.net.size
 
     def points_per_cell(self, log_side: int) -> int:
-        """Return the number of points in each cell, as without the scrambling."""
         return self.net.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
@@ -175,7 +171,6 @@ class Flipped(Moved):
         return self.net.word(index, dim) ^ self.shifts[dim]
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        """Return the columns or rows that were moved to some places."""
         # In two steps: a shift by 32 is not defined.
         return place ^ (self.shifts[dim] >> 1 >> (31 - log_side))
 

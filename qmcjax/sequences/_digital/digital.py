@@ -95,11 +95,9 @@ class Digital(BinarySequence):
 
     @property
     def linear(self) -> "Digital":
-        """The sequence itself."""
         return self
 
     def inverted(self, log_side: int) -> NetByFrames:
-        """Return the sequence as frames, for points from their cells."""
         return net_by_frames_of(self, self.matrices, log_side)
 
     def radical_bases(self) -> tuple[int | None, ...]:

@@ -170,7 +170,6 @@ class RadicalInverses(DigitSequence):
         return permuted_radical_inverse(index, base, self.tables, dtype, table_starts(self.bases)[dim])
 
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
-        """Return the digits of coordinates, permuted or not."""
         base = base_of(self.bases, dims)
         numbers = span_numbers(index, base)
         if self.tables is None:

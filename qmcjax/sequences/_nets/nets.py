@@ -9,10 +9,10 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, number_theory
 from qmcjax.core.bits import gray_decode, gray_encode, pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._digital.cells import selected
+from qmcjax.sequences._digital.cells import packed, selected
 from qmcjax.sequences._digital.digital import identity, larcher_sobol
 from qmcjax.sequences._protocol.binary import BinarySequence
 
@@ -269,10 +269,9 @@ def _steps_net(
 
 def columns_net(matrices: list[NDArray[np.uint8]], called: str) -> ColumnsNet:
     """Return the net of generator matrices of order m, the first of t = 0."""
-    lower, upper = _factors(matrices[0])
-    inverses = _columns(_inverse(lower)), _columns(_inverse(upper.T).T)
-    columns = jnp.stack([_columns(matrix) for matrix in matrices])
-    return ColumnsNet(len(matrices[0]), columns, *inverses, called)
+    inverses = [number_theory.inverse(factor, 2) for factor in _factors(matrices[0])]
+    lower, upper, *columns = reverse(jnp.asarray(packed(np.stack([*inverses, *matrices]))))
+    return ColumnsNet(len(matrices[0]), jnp.stack(columns), lower, upper, called)
 
 
 def _factors(matrix: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
@@ -282,17 +281,3 @@ def _factors(matrix: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.u
         lower[k + 1 :, k] = upper[k + 1 :, k]
         upper[k + 1 :] ^= lower[k + 1 :, k, None] & upper[k]
     return lower, upper
-
-
-def _inverse(lower: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Invert a unit lower triangular matrix over F2."""
-    inverse = np.eye(len(lower), dtype=np.uint8)
-    for k in range(len(lower)):
-        inverse[k + 1 :] ^= lower[k + 1 :, k, None] & inverse[k]
-    return inverse
-
-
-def _columns(matrix: NDArray[np.uint8]) -> Array:
-    """Pack the columns into words, the first row in bit 0."""
-    weights = np.uint32(1) << np.arange(len(matrix), dtype=np.uint32)
-    return jnp.asarray((matrix.T * weights).sum(axis=1, dtype=np.uint32))

@@ -67,7 +67,6 @@ def _to_earlier(matrix: NDArray[np.uint32], base: int) -> NDArray[np.uint32]:
 
 @partial(jax.jit, static_argnames=("base", "n"))
 def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
-    """Return one coordinate, uint32 (n,)."""
     count = _resolved(base)
     index = jax.lax.iota(jnp.uint32, n)
 

@@ -70,7 +70,6 @@ class Jittered(WordFirst):
         return (self.side >> log_side) ** 2
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point from its cell."""
         within = np.uint32(self.side >> log_side)
         row, column = sample // within, sample % within
         return (y * within + row) * np.uint32(self.side) + x * within + column

@@ -7,15 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_tables import EVERY, MOTION, PERSPECTIVE, PLANE, defined, evaluated, varied
-from tables import each
+from tables import each, few
 
 from qmcjax import scenes
 
 ONCE = ["step", "staircase", "line", "disc", "triangle", "flat board", "heaviside(3)"]
 """One of each kind."""
-BRIEF = pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in ONCE else pytest.mark.slow) for name in PLANE]
-)
 NEEDS = {
     scenes.MovingEdge: ("time",),
     scenes.BlinkingDisc: ("time",),
@@ -30,7 +27,7 @@ def on_edges(scene, u):
     return scene.boundary(u)[0]
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", few(EVERY, *(n for n in EVERY if n not in PLANE or n in ONCE)))
 def test_values_follow_the_definition(name):
     """But for the few points that an edge meets by rounding, in both precisions."""
     scene = EVERY[name]
@@ -160,7 +157,7 @@ def test_varies_tells_the_coordinates_apart():
     assert np.array_equal(varied(lens, *box), [[True, False, True, False]])
 
 
-@BRIEF
+@pytest.mark.parametrize("name", few(PLANE, *ONCE))
 def test_float32_misses_only_what_may_vary(name):
     """On and beside the edges, where float32 and float64 disagree the point as a box may vary."""
     scene = PLANE[name]

@@ -183,20 +183,19 @@ class DefocusedEdge(BlurredEdge):
         return ("x", "y") if self.blur is None else ("x", "y", "lens_u", "lens_v")
 
     def _edge(self) -> tuple[Any, list[Any]]:
-        return -self.offset, [jnp.cos(self.angle), jnp.sin(self.angle)]
+        slopes = [jnp.cos(self.angle), jnp.sin(self.angle)]
+        if self.blur is None or self.aperture == "disc":
+            return -self.offset, slopes
+        sides = [2 * self.blur * slope for slope in slopes]
+        return -self.offset - 0.5 * (sides[0] + sides[1]), [*slopes, *sides]
 
     def __call__(self, point: Array) -> Array:
         scene = cast_edges(self, point.dtype)
         constant, slopes = scene._edge()
         distance = linear(point, constant, slopes)
-        if scene.blur is not None:
-            u, v = point[..., 2], point[..., 3]
-            if self.aperture == "square":
-                across, along = 2 * u - 1, 2 * v - 1
-            else:
-                radius, turn = jnp.sqrt(u), 2 * math.pi * v
-                across, along = radius * jnp.cos(turn), radius * jnp.sin(turn)
-            distance += scene.blur * (slopes[0] * across + slopes[1] * along)
+        if len(slopes) < len(self.needs):
+            radius, turn = scene.blur * jnp.sqrt(point[..., 2]), 2 * math.pi * point[..., 3]
+            distance += radius * (slopes[0] * jnp.cos(turn) + slopes[1] * jnp.sin(turn))
         return (distance < 0).astype(point.dtype)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -209,17 +208,12 @@ class DefocusedEdge(BlurredEdge):
         return smeared_by_box(angle, offset, sides, width, height)
 
     def varies(self, low: Array, high: Array) -> Array:
+        if self.blur is None or self.aperture == "square":
+            return super().varies(low, high)
         scene = cast(self, low.dtype)
         constant, slopes = scene._edge()
-        if scene.blur is None:
-            reach, lens = 0.0, []
-        elif self.aperture == "square":
-            reach = scene.blur * (abs(slopes[0]) + abs(slopes[1]))
-            lens = [slopes[0] != 0, slopes[1] != 0]
-        else:
-            reach, lens = scene.blur * jnp.sqrt(high[..., 2]), [True, True]
-        met = sign_varies(low, high, constant, slopes, reach)
-        return jnp.stack([met & on for on in [slopes[0] != 0, slopes[1] != 0, *lens]], axis=-1)
+        met = sign_varies(low, high, constant, slopes, scene.blur * jnp.sqrt(high[..., 2]))
+        return jnp.stack([met & on for on in (slopes[0] != 0, slopes[1] != 0, True, True)], axis=-1)
 
 
 def defocused_edge(

@@ -1,6 +1,7 @@
 """References of rendered scenes, and errors of images as the eye sees them: how much is left from afar.
 
-Run as a program, the module estimates it anew: means of pixels over randomised replicates.
+Run as a program, the module estimates the reference anew that is kept beside it: means of pixels over
+randomised replicates.
 """
 
 from collections.abc import Callable, Sequence
@@ -64,29 +65,6 @@ def _content(scene: Any) -> tuple[NDArray[np.float32], str]:
     arrays = [np.asarray(leaf, np.float32) for leaf in jax.tree.leaves(scene)]
     choices = repr((getattr(scene, "name", ""), scene.needs, [array.shape for array in arrays]))
     return np.concatenate([array.ravel() for array in arrays]), choices
-
-
-def main() -> None:
-    """Estimate, and write the file."""
-    scene = scenes.interior(2)
-    sobol = sequences.sobol(len(scene.needs))
-    images = [
-        scene_images.replicate(scene, samplers.independent(sobol, 2**21 + k), KEPT_SIDE, KEPT_SPP)
-        for k in range(REPLICATES)
-    ]
-    error = np.std(images, axis=0, ddof=1) / np.sqrt(REPLICATES)
-    numbers, choices = _content(scene)
-    np.savez_compressed(
-        FILE,
-        image=np.mean(images, axis=0).astype(np.float32),
-        error=error.astype(np.float16),
-        numbers=numbers,
-        choices=choices,
-    )
-
-
-if __name__ == "__main__":
-    main()
 
 
 REPLICATES = 16
@@ -192,3 +170,21 @@ def measures(found: NDArray, exact: Reference, area: Area = WHOLE) -> dict[str, 
 def shown(image: NDArray) -> NDArray[np.float64]:
     """Return linear colours as screens expect them."""
     return plot.srgb(np.clip(np.asarray(image, np.float64), 0, 1))
+
+
+def main() -> None:
+    """Estimate, and write the file."""
+    scene = scenes.interior(2)
+    sobol = sequences.sobol(len(scene.needs))
+    images = [
+        scene_images.replicate(scene, samplers.independent(sobol, 2**21 + k), KEPT_SIDE, KEPT_SPP)
+        for k in range(REPLICATES)
+    ]
+    image, error, _ = of_replicates(images, "")
+    numbers, choices = _content(scene)
+    kept = {"image": image.astype(np.float32), "error": error.astype(np.float16)}
+    np.savez_compressed(FILE, **kept, numbers=numbers, choices=choices)
+
+
+if __name__ == "__main__":
+    main()

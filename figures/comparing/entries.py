@@ -51,6 +51,24 @@ TEXT = re.compile(rb"[0-9eE+\-.,\s]*")
 
 NAMES = ("width", "height", "spp", "dims", "seed")
 
+MITSUBA = "mitsuba-"
+"""Names of entries begin so."""
+
+MITSUBAS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
+
+SCIPYS = {"scipy-sobol": "Sobol", "scipy-halton": "Halton", "scipy-latin": "LatinHypercube"}
+
+QMCPYS = {
+    "qmcpy-sobol": ("DigitalNetB2", "LMS_DS"),
+    "qmcpy-sobol-owen": ("DigitalNetB2", "NUS"),
+    "qmcpy-lattice": ("Lattice", "SHIFT"),
+    "qmcpy-halton": ("Halton", "LMS_DP"),
+}
+"""Classes of QMCPy and how they are randomised."""
+
+Pixels = Callable[[int, int, int, int], Any]
+"""From a number of pixels, samples per pixel, dimensions and key to the points of all pixels in order."""
+
 
 class NotSupportedError(ValueError):
     """An entry has no points of this size, number of samples, or dimensions: not an error of it."""
@@ -143,25 +161,6 @@ def _output(words: list[str], given: dict[str, int]) -> bytes:
         why = f"{shown} ended with status {done.returncode}" + "".join(f": {line}" for line in said)
         raise (NotSupportedError if done.returncode == NOT_SUPPORTED else ValueError)(why)
     return done.stdout
-
-
-MITSUBA = "mitsuba-"
-"""Names of entries begin so."""
-
-MITSUBAS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
-
-SCIPYS = {"scipy-sobol": "Sobol", "scipy-halton": "Halton", "scipy-latin": "LatinHypercube"}
-
-QMCPYS = {
-    "qmcpy-sobol": ("DigitalNetB2", "LMS_DS"),
-    "qmcpy-sobol-owen": ("DigitalNetB2", "NUS"),
-    "qmcpy-lattice": ("Lattice", "SHIFT"),
-    "qmcpy-halton": ("Halton", "LMS_DP"),
-}
-"""Classes of QMCPy and how they are randomised."""
-
-Pixels = Callable[[int, int, int, int], Any]
-"""From a number of pixels, samples per pixel, dimensions and key to the points of all pixels in order."""
 
 
 def available() -> dict[str, Callable[[], Entry]]:

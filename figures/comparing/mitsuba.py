@@ -28,7 +28,7 @@ STEEPEST = -1.5
 """Exponent of time with which errors fall at most: that of scrambled nets and smooth integrands."""
 
 NOTES = (
-    f"Samplers named {MITSUBA}so are those of Mitsuba. Others have {mitsuba_process.DIMS} dimensions, the "
+    f"Names of Mitsuba's samplers begin with {MITSUBA}. Others have {mitsuba_process.DIMS} dimensions; the "
     "plugin adds more. Films have a box filter, and --size is their longer side.",
     "At equal time: errors in the time that the first of Mitsuba's samplers takes for so many samples, "
     "interpolated between the sampler's own numbers of samples by power laws. Times are medians of "

@@ -89,7 +89,8 @@ def _of_object(text: str) -> Entry:
     def frames(width: int, height: int, count: int, dims: int, key: int) -> samplers.Sampler:
         return call(count, width, height, 1, dims, key)
 
-    origin = f"{text}; a sequence is rotated by a random vector in each pixel"
+    rotated = ", rotated by a random vector in each pixel"
+    origin = text + rotated * isinstance(value, sequences.Sequence)
     return _entry(name, text, origin, digest, partial(call, None), frames if FRAMES in names else None)
 
 

@@ -35,6 +35,51 @@ COUNT = 4
 WIDTH, AMPLITUDE = 3.0, 0.8
 """Of bumps, exp(-WIDTH |x - c|^2), and of the waves in products."""
 
+DIMS = (2, 4, 8)
+
+EXACT, TRACED, OF_MITSUBA = SCENE_CLASSES = "exact scenes", "traced scenes", "scenes of Mitsuba"
+"""Classes of scenes: with a closed form, with a stored reference, whose side is `REFERENCE`, and files."""
+
+REFERENCE = 256
+
+SCENES: dict[str, tuple[str, Callable[[], Any]]] = {
+    **{name: (EXACT, make) for name, make in CLOSED.items()},
+    "occluder": (TRACED, scenes.occluder),
+    "defocus": (TRACED, scenes.defocus),
+    "sports": (TRACED, scenes.sports),
+    "cornell-box": (TRACED, scenes.cornell_box),
+    "helicopter": (TRACED, scenes.helicopter),
+}
+
+SCORED = tuple(name for name in SCENES if name != "helicopter")
+"""Those of the stored scores: ``--scenes all``."""
+
+PREFIXES = {64: (3, 6, 12, 24, 48)}
+"""Numbers of first samples whose errors are measured, too, by the number that an entry is made for."""
+
+BLOCK = {EXACT: 2**16, TRACED: 2**14}
+"""Points of a call."""
+
+
+class Task(NamedTuple):
+    """One image: by an integrand, which is the same in every pixel, or a scene."""
+
+    of: str
+    """The class."""
+    name: str
+    dims: int
+    spp: int
+    samples: int
+    """How many of the samples are used."""
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    side: int
+    spps: tuple[int, ...]
+    keys: int
+
 
 class Integrands(NamedTuple):
     """Parameters of COUNT integrands of each class; arrays of shape (dims, COUNT) or (COUNT,), float32."""
@@ -135,52 +180,6 @@ def _power(normal: NDArray[np.float32], offset: np.float32, power: int) -> float
         if rest > 0:
             total += (-1) ** sum(corner) * rest ** (dims + power)
     return float(total * math.factorial(power) / (math.factorial(dims + power) * math.prod(a)))
-
-
-DIMS = (2, 4, 8)
-
-EXACT, TRACED, OF_MITSUBA = SCENE_CLASSES = "exact scenes", "traced scenes", "scenes of Mitsuba"
-"""Classes of scenes: with a closed form, with a stored reference, whose side is `REFERENCE`, and files."""
-
-REFERENCE = 256
-
-SCENES: dict[str, tuple[str, Callable[[], Any]]] = {
-    **{name: (EXACT, make) for name, make in CLOSED.items()},
-    "occluder": (TRACED, scenes.occluder),
-    "defocus": (TRACED, scenes.defocus),
-    "sports": (TRACED, scenes.sports),
-    "cornell-box": (TRACED, scenes.cornell_box),
-    "helicopter": (TRACED, scenes.helicopter),
-}
-
-SCORED = tuple(name for name in SCENES if name != "helicopter")
-"""Those of the stored scores: ``--scenes all``."""
-
-PREFIXES = {64: (3, 6, 12, 24, 48)}
-"""Numbers of first samples whose errors are measured, too, by the number that an entry is made for."""
-
-BLOCK = {EXACT: 2**16, TRACED: 2**14}
-"""Points of a call."""
-
-
-class Task(NamedTuple):
-    """One image: by an integrand, which is the same in every pixel, or a scene."""
-
-    of: str
-    """The class."""
-    name: str
-    dims: int
-    spp: int
-    samples: int
-    """How many of the samples are used."""
-
-
-class Size(NamedTuple):
-    """How much is measured."""
-
-    side: int
-    spps: tuple[int, ...]
-    keys: int
 
 
 class Ground(NamedTuple):

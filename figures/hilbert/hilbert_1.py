@@ -115,7 +115,6 @@ def _measure(curve: Curve) -> dict:
 
 
 def _histogram(values: ArrayLike) -> dict[str, int]:
-    """Return how often each value is there."""
     return {str(v): int(n) for v, n in zip(*np.unique(values, return_counts=True), strict=True)}
 
 

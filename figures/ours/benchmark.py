@@ -225,7 +225,6 @@ def _panels(rows: Rows, side: int, by: str, styles: Mapping[str, Style] | None) 
 
 
 def _draw(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
-    """Draw error over time, with the error of the reference, and a legend for each kind of panels."""
     rows = -(-len(panels) // COLUMNS)
     figure = new_figure(
         "Points that cost more must save samples: error over run time, one mark for each number of samples\n"

@@ -143,7 +143,6 @@ def _listed(found: Found) -> dict[str, dict[str, float]]:
 
 
 def _picture(name: str, side: int) -> dict[str, NDArray]:
-    """Return images of a scene with one sample a pixel."""
     scene: Any = getattr(scenes, name)()
     dims = len(scene.needs)
     made = {
@@ -209,7 +208,6 @@ SIDES = {1: 64, 2: 64, 4: 32, 8: 32, 16: 16}
 
 
 def _tile(spp: int) -> NDArray[np.float64]:
-    """Return the points of a tile as a picture."""
     side = SIDES[spp]
     y, x = np.mgrid[:side, :side].astype(np.uint32)
     points = np.asarray(samplers.designed(side, side, spp, 1)(x, y, 0))

@@ -142,7 +142,6 @@ def _sobol(dims: int) -> NDArray[np.float64]:
 
 
 def _net(make_net: Callable[[int], sequences.Sequence], n: int) -> NDArray[np.float64] | None:
-    """Return a net, if there is one of this size."""
     return None if n & (n - 1) else point_plots.block(make_net(n.bit_length() - 1), n)
 
 
@@ -181,7 +180,6 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], part
 
 
 def _cells(row: dict) -> list[str]:
-    """Return a row of the table."""
     known = row["published"] is not None
     return [
         str(row["dims"]),

@@ -189,12 +189,10 @@ def _by_case(rows: list[dict[str, Any]]) -> dict[tuple[str, str, int], dict[str,
 
 
 def _pictured(size: Size) -> list[str]:
-    """Return the samplers whose images are drawn."""
     return [name for name in SHOWN if name in size.samplers]
 
 
 def _missing() -> tuple[Figure, dict]:
-    """Return what there is without Mitsuba."""
     note = "Mitsuba is not installed: pip install 'qmcjax[mitsuba]'."
     figure = Figure(figsize=(6, 1))
     figure.text(0.5, 0.5, note, ha="center", va="center")

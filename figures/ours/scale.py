@@ -119,7 +119,6 @@ def _of_images(measured: Mapping[str, Any], doublings: Mapping[str, Mapping[str,
 
 
 def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Draw time and memory over points, and return a row for each measure."""
     table = []
     for color, (name, rows) in zip(COLORS, measured.items(), strict=False):
         n, seconds = np.array(rows["n"], float), np.array(rows["seconds"])
@@ -154,7 +153,6 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
 
 
 def _grows(power: float, logs: int) -> str:
-    """Return a growth as a formula."""
     n = "n" if power == 1 else f"n^{{{power:g}}}"
     return "$" + n + ("", r" \log n", r" \log^2 n")[logs] + "$"
 

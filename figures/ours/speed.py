@@ -53,7 +53,6 @@ def _lattice(n: int, dims: int, block: int) -> Points:
 
 
 def _clustered(n: int, dims: int, key: int) -> Points:
-    """Return points in 16 clusters."""
     rng = np.random.default_rng(key)
     return (rng.random((16, dims))[rng.integers(0, 16, n)] + 0.02 * rng.normal(size=(n, dims))) % 1
 

@@ -272,7 +272,6 @@ def _state(figures: Mapping[str, Shown]) -> str:
 
 
 def _warnings(failed: Collection[str], outdated: Collection[str]) -> Markup:
-    """Return what is wrong with the folder."""
     lines = {
         "Failed in the last run": failed,
         "Made by an older version, so that their claims are left out": outdated,

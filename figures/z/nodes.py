@@ -243,7 +243,6 @@ def _letter(rules: NDArray, digits: str) -> int:
 
 
 def _grid(rules: NDArray, levels: int = DEEP) -> NDArray[np.int64]:
-    """Return the letters of a level, row 0 the lowest."""
     grid = np.zeros((1, 1), np.int64)
     for _ in range(levels):
         grid = rules[grid].reshape(*grid.shape, 2, 2).swapaxes(1, 2).reshape(2 * len(grid), -1)
@@ -274,7 +273,6 @@ def _similar(rules: NDArray) -> bool:
 
 
 def _draw(axes: Axes, title: str, rules: NDArray, text: Callable[[str, str], str]) -> None:
-    """Write each node into the middle of its square."""
     nodes = {}
     for level in range(LEVELS_7):
         for prefix in map("".join, product("0123", repeat=level)):

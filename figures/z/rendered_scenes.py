@@ -215,7 +215,6 @@ def _exact(title: str, scene: Any, side: int, quality: str) -> tuple[diffusion.R
 
 
 def _side_by_side(images: list[NDArray]) -> NDArray[np.float64]:
-    """Return one image of four."""
     return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)])
 
 

@@ -133,7 +133,6 @@ def _is_moore(curve: Curve) -> bool:
 
 
 def _steps(curve: Curve) -> NDArray[np.float64]:
-    """Return the lengths of the steps of the curve."""
     return np.hypot(*(np.diff(c) for c in curve.path()))
 
 

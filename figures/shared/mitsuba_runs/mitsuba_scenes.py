@@ -188,7 +188,6 @@ def _rectangle(corner: Any, edge_u: Any, edge_v: Any) -> tuple[NDArray[np.float6
 
 
 def _frame(axis: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return three orthogonal unit vectors, the last along an axis."""
     z = axis / np.linalg.norm(axis)
     x = np.cross(z, np.eye(3)[np.argmin(abs(z))])
     x /= np.linalg.norm(x)

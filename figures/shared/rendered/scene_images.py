@@ -170,7 +170,6 @@ def _calls(values: NDArray, size: int) -> NDArray:
 
 
 def _evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
-    """Evaluate a scene at points of any shape, in calls of one size."""
     flat = points.reshape(-1, points.shape[-1])
     calls = _calls(flat, POINTS)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])

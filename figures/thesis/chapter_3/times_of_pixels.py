@@ -116,7 +116,6 @@ def _of_points(sequence: sequences.Sequence) -> NDArray[np.int64]:
 
 
 def _pictures() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a dark picture, and a light one that takes its place."""
     x, y = np.meshgrid(*[(np.arange(SIDE_3_1_7) + 0.5) / SIDE_3_1_7] * 2)
     radius = np.hypot(x - 0.5, y - 0.5).astype(np.float64)
     return np.where(radius < 0.3, 0.35, 0.1), 0.75 + 0.25 * np.cos(40 * radius)

@@ -141,7 +141,6 @@ def _nearest(distance: NDArray) -> NDArray[np.intp]:
 
 
 def _shown(spans: list[tuple[float, float, int]], time: NDArray) -> NDArray[np.intp]:
-    """Return what is seen at times."""
     seen = np.full(len(time), -1)
     for start, end, number in spans:
         seen[(start <= time) & (time < end)] = number

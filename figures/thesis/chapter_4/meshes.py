@@ -63,7 +63,6 @@ def cylinder(base: Any, axis: Any, radius: float, parts: int, along: int) -> Tri
 
 
 def _solid(triangles: Triangles) -> Triangles:
-    """Leave out triangles without area."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return triangles[area > 1e-12 * area.max()]

@@ -1,20 +1,23 @@
-"""What figures find true or false: each finding is in a table, so that one that turns over fails here."""
+"""Claims of the ledger: what figures find true or false, the papers' own sentences, and why some differ."""
 
 import ast
 import json
 import re
+import string
 import subprocess
 import sys
+import unicodedata
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from figures.catalogue import CATALOGUE, NO_DRAFT
-from figures.ledger import PAPERS, claims, findings, stored, to_store
+from figures.ledger import PAPERS, Claim, claims, findings, stored, to_store
 from figures.ledger._ledger import verdict
 from figures.making import store
 from figures.making.schema import UNDECIDED
+from figures.page import _ledger as ledger_page
 from figures.shared import judged
 
 ROOT = Path(__file__).parents[2]
@@ -146,3 +149,192 @@ def test_drafts_find_what_they_found(drafts):
     for finding in findings(entries):
         assert (finding.verdict == "missing") == (finding.claim.figure in NO_DRAFT)
         assert not re.search(r"[{}]|None", finding.measured), finding
+
+
+PAPERS_FOLDER = Path(__file__).parents[3] / "shared" / "papers"
+FILES = {
+    "hilbert": "000_56ec6905c4358b6c.txt",
+    "z": "001_205ef16bf284efc0.txt",
+    "thesis": "003_c36d6e129047407a.txt",
+}
+FAR = 600
+"""Characters from the first word to the last: the longest sentences, and tables, have some 500."""
+
+QUOTED = [claim for claim in claims() if claim.sentence is not None]
+
+
+def letters(text):
+    """Return letters and digits only: line breaks, hyphens, quotes, spaces and signs of markup differ."""
+    return "".join(each for each in unicodedata.normalize("NFKC", text) if each.isalnum())
+
+
+def misquoted(text, sentence):
+    """Return what is wrong with a quotation of a text that has letters only; None if nothing is."""
+    first, _, last = map(letters, sentence.partition(" ... "))
+    if not first or not last:
+        return "not of the form 'first words ... last words'"
+    starts = [start for start in range(len(text)) if text.startswith(first, start)]
+    ends = [text.find(last, start + len(first)) + len(last) - start for start in starts]
+    if not starts:
+        return f"the paper does not have {sentence.partition(' ... ')[0]!r}"
+    if not any(len(first) + len(last) <= end <= FAR for end in ends):
+        return f"{sentence.partition(' ... ')[2]!r} does not follow"
+    return None
+
+
+def test_each_claim_quotes_a_sentence_or_is_our_own_question():
+    for claim in claims():
+        assert (claim.sentence is None) != (claim.question is None), claim
+        assert claim.question in (None, "ours"), claim
+        assert (claim.question is None) != claim.claim.endswith("?"), claim
+
+
+def test_quotations_are_short():
+    """Some words to find the sentence by, not the sentence."""
+    for claim in QUOTED:
+        first, mark, last = claim.sentence.partition(" ... ")
+        assert mark and "..." not in last, claim
+        assert 1 <= len(first.split()) <= 8 and 2 <= len(last.split()) <= 6, claim
+
+
+def test_misquotations_are_seen():
+    text = letters(
+        "It con-\ntains  $x_1$ and, “surely”, a ﬁne Sobol’-net. " + "x" * FAR + " The end is near."
+    )
+    for sentence in ("It contains ... fine Sobol'-net", "contains x_1 ... surely"):
+        assert misquoted(text, sentence) is None
+    assert misquoted(text, "It contained ... Sobol'-net") == "the paper does not have 'It contained'"
+    assert misquoted(text, "It contains").startswith("not of the form")
+    for sentence in (
+        "It contains ... Sobol sequence",
+        "a fine ... contains x_1",
+        "It contains ... end is near",
+    ):
+        assert "does not follow" in misquoted(text, sentence)
+
+
+@pytest.mark.parametrize("paper", PAPERS)
+def test_papers_have_the_sentences(paper):
+    if not PAPERS_FOLDER.is_dir():
+        pytest.skip("the papers' texts are not in this checkout's shared folder")
+    text = letters((PAPERS_FOLDER / FILES[paper]).read_text(encoding="utf-8"))
+    wrong = {
+        claim.sentence: found
+        for claim in QUOTED
+        if claim.paper == paper
+        for found in [misquoted(text, claim.sentence)]
+        if found is not None
+    }
+    assert wrong == {}
+
+
+OURS = (
+    Claim("z", "Fig. 1", "Is it?", "f", "yes", question="ours"),
+    Claim("z", "Fig. 1", "Is it so?", "f", "no", question="ours"),
+    Claim("z", "Fig. 1", "Is it always?", "f", "cases", question="ours"),
+    Claim("z", "Fig. 1", "Is it not?", test="tests/a.py::test_b", contrary=True, question="ours"),
+    Claim("z", "Fig. 1", "Is it there?", "g", "yes", question="ours"),
+    Claim("z", "Fig. 1", "It is", "f", "no", sentence="So it ... always is", criterion="at least 1 < 2"),
+)
+FOUND = {"f": {"numbers": {"claims": {"yes": True, "no": False, "cases": {"a": True, "b": False}}}}}
+
+
+@pytest.fixture
+def found(monkeypatch):
+    monkeypatch.setattr("figures.ledger._ledger.claims", lambda: OURS)
+    return findings(FOUND)
+
+
+def test_our_own_questions_never_count_for_or_against_a_paper(found):
+    assert [each.verdict for each in found] == ["ours"] * 4 + ["missing", "differs"]
+    answers = [each.cases for each in found[:4]]
+    assert answers == [{"holds": True}, {"holds": False}, {"a": True, "b": False}, {"holds": False}]
+
+
+def test_the_page_shows_sentences_and_our_own_questions_apart(found):
+    text = ledger_page.section(found)
+    said, apart = text.split('<h3 id="questions">')
+    assert "So it … always is" in said and "at least 1 &lt; 2" in said and "1 claims" in said
+    assert "Is it" not in said and 'data-verdict="ours"' not in said
+    assert apart.count('data-verdict="ours"') == 4 and "It is" not in apart
+    assert "<h3" not in ledger_page.section(found[-1:])
+
+
+REFERENCE = r"(Eq\.|Fig\.|Sect\.|Table) \d[\d.]*\d?( and [\d.]+)?"
+"""Where it stands in a paper."""
+
+NAMED = (
+    "(0,2)",
+    "phi_2",
+    "phi_3",
+    "phi_5",
+    "P_1 and P_3",
+    "C_7 = 429",
+    "C_6 = 132",
+    "p + 1",
+    "a_i = i",
+    "x + y < 1",
+    "[0, 1]",
+    "m/2",
+    "1 / (2 m)",
+    "(4^log2(n) - 1) / 3",
+    "the top-left quadrant is 2; 3 is the top-right one",
+    "500^2 = 250 000",
+    "125 000 = 50^3",
+    "1600 belongs into the sine",
+    "sqrt(6) / 4 and sqrt(90) / 32",
+    "By the two printed areas it is 9.80 percent",
+    "bases 2 and 3",
+    "bases 5 and 7",
+    "base 2",
+    "32 bits",
+    "intervals hold 1",
+    "differ from 1",
+)
+"""Formulas and printed numbers of the papers, names, bases of sequences and sizes of integers."""
+
+AMOUNT = r"\d|\b(a|one|two|three|some) (half|halves|thirds?|quarters?|fifths?|tenths?|percent)\b|\bhalf the\b"
+"""A number, or a part of a whole in words."""
+
+REASONS = {claim.why for claim in claims() if claim.why}
+
+
+def typed(reason):
+    """Return the first amount in a reason that is neither filled in nor a paper's; None if there is none."""
+    text = "".join(part for part, *_ in string.Formatter().parse(reason))
+    for phrase in sorted(NAMED, key=len, reverse=True):
+        text = text.replace(phrase, "")
+    found = re.search(AMOUNT, re.sub(REFERENCE, "", text))
+    return None if found is None else found[0]
+
+
+@pytest.mark.parametrize(
+    ("reason", "amount"),
+    [
+        ("At 64 samples they do.", "6"),
+        ("It has 4 % more.", "4"),
+        ("The lattice is a third worse.", "a third"),
+        ("By half the error.", "half the"),
+        ("It has {measured[rms error][64 spp]:.2f} of it, see Eq. 4.3 and Table 4.1.", None),
+        ("The (0,2)-sequence in base 2, by Fig. 12.", None),
+    ],
+)
+def test_typed_amounts_are_seen(reason, amount):
+    assert typed(reason) == amount
+
+
+def test_no_reason_has_a_typed_measurement():
+    assert {reason: found for reason in REASONS if (found := typed(reason))} == {}
+
+
+@pytest.mark.parametrize("phrase", NAMED)
+def test_each_phrase_that_is_allowed_is_used(phrase):
+    assert any(phrase in reason for reason in REASONS)
+
+
+def test_reasons_are_filled_in_as_measurements_are(monkeypatch):
+    entry = {"f": {"numbers": {"claims": {"k": False}, "measured": {"a": 0.123}}}}
+    why = "It has {measured[a]:.1f}."
+    claim = Claim("z", "Fig. 1", "It is", "f", "k", why=why, sentence="So it ... is")
+    monkeypatch.setattr("figures.ledger._ledger.claims", lambda: (claim, claim._replace(figure="g")))
+    assert [found.why for found in findings(entry)] == ["It has 0.1.", ""]

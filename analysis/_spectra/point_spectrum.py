@@ -58,38 +58,6 @@ def direct_sums(points: Array, highest: int) -> Array:
     return _over_batches(batch, zero, points, len(both) ** (dims - 1) + len(positive))
 
 
-def direct_gradient(points: Array, factors: Array) -> Array:
-    """Return the derivatives of the real part of the sum of the sums times complex factors.
-
-    That is 2 pi times the imaginary part of sum_k factor(k) k_j exp(-2 pi i k.x), for each point x and
-    coordinate j: two matrix products over the last axis, with and without k_j.
-
-    ``points``: float64 Array, shape (n, d). ``factors``: complex128 Array, shape (2 * highest + 1,) * (d - 1)
-    + (highest + 1,). Returns float64 Array, shape (n, d).
-    """
-    n, dims = points.shape
-    highest = factors.shape[-1] - 1
-    both, positive = np.arange(-highest, highest + 1.0), np.arange(highest + 1.0)
-    matrix = factors.reshape(-1, len(positive)).T
-
-    def batch(part: Array) -> Array:
-        last = _waves(part[:, -1], positive)
-        other = jnp.ones((len(part), 1), factors.dtype)
-        for j in range(dims - 1):
-            other = (other[:, :, None] * _waves(part[:, j], both)[:, None, :]).reshape(len(part), -1)
-        ends = jnp.concatenate([last, last * positive.astype(factors.dtype)[None, :]])
-        plain, weighted = jnp.matmul(ends, matrix, precision=lax.Precision.HIGHEST).reshape(2, *other.shape)
-        terms = jnp.imag(other * plain).reshape(-1, *(len(both),) * (dims - 1))
-        found = [
-            jnp.tensordot(terms.sum(axis=[1 + i for i in range(dims - 1) if i != j]), both, 1)
-            for j in range(dims - 1)
-        ]
-        return 2 * np.pi * jnp.stack([*found, jnp.imag(other * weighted).sum(axis=1)], axis=1)
-
-    parts = _batches(points, len(both) ** (dims - 1) + len(positive))
-    return lax.map(batch, parts).reshape(-1, dims)[:n]
-
-
 def fast_sums(points: Array, highest: int) -> Array:
     """Return the same by FFT, each sum within 1e-11 n for n points.
 
@@ -124,24 +92,21 @@ def fast_sums(points: Array, highest: int) -> Array:
 def _over_batches(
     batch: Callable[[Array, Array, Array], Array], zero: Array, points: Array, width: int
 ) -> Array:
-    """Sum over batches of points, padded with points of weight 0 to equal sizes."""
-    step, parts = jax.checkpoint(batch), _batches(points, width)
-    count, size, _ = parts.shape
+    """Sum over batches of points, padded with points of weight 0 to equal sizes.
+
+    ``width``: count of numbers per point in a batch.
+    """
+    step, (n, dims) = jax.checkpoint(batch), points.shape
+    count = -(-n // max(1, _BATCH // width))
+    size = -(-n // count)
+    parts = jnp.pad(points, ((0, count * size - n), (0, 0))).reshape(count, size, dims)
 
     def add(sums: Array, turn: tuple[Array, Array]) -> tuple[Array, None]:
         number, part = turn
-        weights = (number * size + jnp.arange(size) < len(points)).astype(points.dtype)
+        weights = (number * size + jnp.arange(size) < n).astype(points.dtype)
         return step(sums, part, weights), None
 
     return lax.scan(add, zero, (jnp.arange(count), parts))[0]
-
-
-def _batches(points: Array, width: int) -> Array:
-    """Return batches of points, the last one padded with zeros, for a given count of numbers per point."""
-    n, dims = points.shape
-    count = -(-n // max(1, _BATCH // width))
-    size = -(-n // count)
-    return jnp.pad(points, ((0, count * size - n), (0, 0))).reshape(count, size, dims)
 
 
 def _waves(x: Array, frequencies: NDArray[np.float64]) -> Array:
@@ -285,7 +250,5 @@ def _power(sums: Array, n: int, resolution: int) -> Array:
 def _pull_back(points: Array, sums: Array, cotangent: Array, resolution: int, fast: bool) -> Array:
     _, through_power = jax.vjp(lambda s: _power(s, len(points), resolution), sums)
     (factors,) = through_power(cotangent)
-    if not fast:
-        return direct_gradient(points, factors)
     _, through_sums = jax.vjp(lambda x: _sums(x, resolution, fast), points)
     return through_sums(factors)[0]

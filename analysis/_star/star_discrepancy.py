@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, cast
 
 import jax
@@ -183,7 +184,7 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
 def _measure(points: Array, temperature: Array) -> Array:
     n, dims = points.shape
     ends = jnp.concatenate([points, jnp.ones((1, dims), points.dtype)])
-    volume = _over_boxes(list(ends.T))
+    volume = reduce(jnp.multiply.outer, ends.T)
     behind = (ends[:, None] - points[None]) / temperature
     differences = []
     for sign, shift in ((1, 0), (-1, 1)):
@@ -197,14 +198,6 @@ def _step(x: Array) -> Array:
     """Return 0 up to 0, 1 from 1, and the polynomial of degree 5 with flat ends in between."""
     x = jnp.clip(x, 0, 1)
     return x**3 * (10 + x * (6 * x - 15))
-
-
-def _over_boxes(factors: list[Array]) -> Array:
-    """Return the products of one factor per dimension, for all combinations."""
-    product = factors[0]
-    for factor in factors[1:]:
-        product = product[..., None] * factor.reshape((1,) * product.ndim + (-1,))
-    return product
 
 
 def _counts(inside: list[Array]) -> Array:

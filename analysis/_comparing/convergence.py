@@ -66,8 +66,10 @@ class ConvergenceTable:
             raise ValueError(
                 f"the slope of sampler {sampler!r} needs two or more errors, none zero, got {errors}"
             )
-        weights, logarithms = _fit(spps), np.log(errors)
-        return float(weights @ logarithms)
+        from scipy.stats import linregress
+
+        line: Any = linregress(np.log(spps), np.log(errors))
+        return float(line.slope)
 
     def slope_interval(self, sampler: str, region: str = "whole", level: float = 0.95) -> tuple[float, float]:
         """Return a confidence interval of the slope, by Student's distribution for the slope of a line.
@@ -88,6 +90,7 @@ class ConvergenceTable:
             If there are fewer than three errors, or one of them is zero.
         """
         from scipy.special import stdtrit
+        from scipy.stats import linregress
 
         spps, errors = self.errors(sampler, region)
         level = _arguments.real("level", level, "in (0, 1)", lambda x: 0 < x < 1)
@@ -95,13 +98,9 @@ class ConvergenceTable:
             raise ValueError(
                 f"the interval of sampler {sampler!r} needs three or more errors, none zero, got {errors}"
             )
-        weights, logarithms = _fit(spps), np.log(errors)
-        slope = weights @ logarithms
-        residuals = logarithms - logarithms.mean() - slope * (np.log(spps) - np.log(spps).mean())
-        freedom = len(spps) - 2
-        deviation = np.sqrt(residuals @ residuals / freedom * (weights @ weights))
-        width = stdtrit(freedom, (1 + level) / 2) * deviation
-        return float(slope - width), float(slope + width)
+        line: Any = linregress(np.log(spps), np.log(errors))
+        width = stdtrit(len(spps) - 2, (1 + level) / 2) * line.stderr
+        return float(line.slope - width), float(line.slope + width)
 
     def efficiency(self, sampler: str, region: str = "whole") -> NDArray[np.float64]:
         """Return 1 / (seconds * mean squared error) for each number of samples.
@@ -113,13 +112,6 @@ class ConvergenceTable:
         seconds = np.array([row.seconds for row in self.rows if row.sampler == sampler])
         with np.errstate(divide="ignore"):
             return 1 / (seconds * errors**2)
-
-
-def _fit(spps: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the weights of the logarithms of errors in the slope of their least-squares line."""
-    x = np.log(spps)
-    x = x - x.mean()
-    return x / (x @ x)
 
 
 def convergence(

@@ -22,6 +22,9 @@ _EXR_CHANNELS = ("RGBA", "RGB", "Y")
 _CHECKSUM = "qmcjaxCrc32"
 """Attribute of our EXR files: ZIP leaves chunks that do not become smaller without a checksum."""
 
+DEFLATES = 1032
+"""Maximum compression ratio of ZIP: pixels are unpacked no further than the head of a PNG file says."""
+
 _TRANSFERS = {
     "srgb": [(b"sRGB", b"\0"), (b"gAMA", struct.pack(">I", 45455))],
     "linear": [(b"gAMA", struct.pack(">I", 100000))],
@@ -219,26 +222,29 @@ def decode_png(data: bytes) -> tuple[NDArray, float | None, bool]:
     """
     import png  # pyright: ignore[reportMissingImports]
 
-    names, place = [], 0
+    names, packed, place = [], b"", 0
     try:
         for name, body in png.Reader(bytes=data).chunks():
             place = place or 8
             if not name[0] & 32 and name not in (b"IHDR", b"IDAT", b"IEND", b"PLTE"):
                 raise png.FormatError(f"chunk {name!r} is unknown")
             names.append(name)
+            packed += body if name == b"IDAT" else b""
             place += 12 + len(body)
         place = 8
         width, height, rows, info = png.Reader(bytes=data).read()
-        if "palette" in info or info["bitdepth"] not in (8, 16):
+        if "palette" in info or info["interlace"] or info["bitdepth"] not in (8, 16):
             raise png.FormatError("it has others")
+        size = height * (1 + width * info["planes"] * info["bitdepth"] // 8)
+        too_large = size > DEFLATES * len(packed)
+        if too_large or len(zlib.decompressobj().decompress(packed, size + 1)) != size:
+            raise png.FormatError(f"it must have {size} bytes of pixels")
         dtype = np.uint8 if info["bitdepth"] == 8 else np.uint16
-        values = [np.frombuffer(row, dtype) for row in rows]
-        if len(values) != height:
-            raise png.FormatError(f"it has {len(values)} of {height} rows")
+        pixels = np.stack([np.frombuffer(row, dtype) for row in rows])
     except (png.Error, zlib.error, EOFError) as error:
-        what = f"must be an image of 8 or 16 bits without palette: {error.args[0]}"
+        what = f"must be an image of 8 or 16 bits without palette or interlacing: {error.args[0]}"
         raise ValueError(f"byte {place}, {what}") from None
-    return np.stack(values).reshape(height, width, info["planes"]), info.get("gamma"), b"sRGB" in names
+    return pixels.reshape(height, width, info["planes"]), info.get("gamma"), b"sRGB" in names
 
 
 def _light_of_png(data: bytes, transfer: str | None) -> NDArray[np.float32]:

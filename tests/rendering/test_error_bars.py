@@ -198,17 +198,6 @@ def test_the_number_of_points_doubles_until_the_interval_is_small_enough(kind):
 
 
 @pytest.mark.slow
-def test_stopping_early_costs_no_coverage():
-    """Over 100 keys, the middle of the last interval is within the tolerance in 95 % or more."""
-    held = 0
-    for key in range(100):
-        found = estimate(smooth, "student", key, n=2**13, tolerance=1e-4)
-        low, high = found.interval(1 - 0.05 / 4)
-        held += abs(float(low + high) / 2 - 1) <= 1e-4
-    assert held >= 95 - 5 * np.sqrt(100 * 0.95 * 0.05)
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["median", "quantile"])
 def test_medians_and_their_intervals_have_derivatives(kind):
     """They are proportional to a factor of the function, so the derivative at 1 is the value.

@@ -360,24 +360,6 @@ def test_render_equals_sorting_all_points_into_pixels(case):
     assert np.allclose(qj.render(Wave(), sampler, width, height, spp), expected, atol=2e-6)
 
 
-@pytest.mark.parametrize(
-    ("make", "limit"),
-    [
-        (CASES["halton"][0], 2**32 // (16 * 9)),
-        (CASES["padded"][0], 2**32),
-        (lambda: samplers.padded_replications(NET, 12, 9, sequences.jittered(8, 2, 1), jitter=False), 64),
-    ],
-)
-def test_check_knows_the_image_and_the_last_sample(make, limit):
-    sampler = make()
-    assert sampler.spp == limit
-    sampler.check(12, 9, limit)
-    with pytest.raises(ValueError, match=r"width, height must be .* 12 x 9, got 9 x 12"):
-        sampler.check(9, 12, 1)
-    with pytest.raises(ValueError, match=rf"spp must be .*{limit}.* got {limit + 1}"):
-        sampler.check(12, 9, limit + 1)
-
-
 def padded(net, offsets, side=SIDE, jitter=True):
     return samplers.padded_replications(net, side, side, offsets, jitter)
 

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import few, first, pixels, points_of, reflected, reversed_bits, slow, slow_cases
+from tables import few, first, points_of, reflected, reversed_bits, slow, slow_cases
 
 import analysis
 import qmcjax as qj
@@ -238,14 +238,6 @@ def test_32_bit_indices(name, side):
         sampler.check(side, side, limit + 1)
 
 
-@pytest.mark.parametrize("name", few(LARGE, "segments, doubling"))
-def test_all_pixels_together_have_the_first_points(name):
-    sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(2), 6)
-    drawn = np.asarray(points_of(sampler, *pixels(8, 8, 6), (0,)))
-    expected = sequences.sobol(2).points(384, dtype=jnp.float64)[:, LARGE[name][2]]
-    assert np.array_equal(np.sort(drawn[:, 0]), np.sort(expected))
-
-
 BITS = {
     "halton": lambda: sequences.components(sequences.halton(4), (0, 2, 3)),
     "rotated": lambda: sequences.rotate(sequences.halton(3), np.array([0.3, 0.7, 0.9])),
@@ -278,16 +270,6 @@ def test_64_bits_begin_with_the_iteration_that_needs_them():
     assert sampler.up_to(64).short and not sampler.up_to(65).short
     sampler = samplers.segments(orders.raster(2**13, 2**13), sequences.components(SOBOL, (1,)), 17)
     assert sampler.up_to(51).short and not sampler.up_to(52).short
-
-
-@pytest.mark.parametrize("name", few([name for name in LARGE if name != "contiguous"], "partitioned"))
-def test_64_bit_indices_end_with_sample_numbers_of_32_bits(name):
-    sampler = LARGE[name][0](orders.hilbert(8, 8), sequences.sobol(3), 0)
-    limit = sampler.most
-    assert 2**31 <= limit <= 2**32
-    sampler.check(8, 8, limit)
-    with pytest.raises(ValueError, match=f"spp must be .*{limit}.* got {limit + 1}"):
-        sampler.check(8, 8, limit + 1)
 
 
 HUGE = orders.hilbert(8192, 8192)

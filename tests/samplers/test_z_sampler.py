@@ -296,19 +296,6 @@ def test_samples_together_are_those_alone(rounds, count):
         assert np.array_equal(alone, together)
 
 
-@pytest.mark.parametrize("variant", ["hash", "tree"])
-def test_only_constituents_of_wanted_dimensions_are_computed(variant):
-    def operations(sampler, dims):
-        jaxpr = jax.make_jaxpr(lambda s, *a: s(*a, dims))(
-            sampler, *pixels(sampler.width, sampler.height, sampler.spp)
-        )
-        return len(jaxpr.eqns)
-
-    make = lambda *constituents: samplers.z(8, 8, 8, 1, variant, constituents=constituents)  # noqa: E731
-    assert operations(make(*(2,) * 16), (0, 1)) == operations(make(2, 1), (0, 1))
-    assert operations(make(2, 2, 1, 2), (2, 3, 4)) == operations(make(2, 1), (0, 1, 2))
-
-
 @pytest.mark.parametrize("variant", ["hash", *slow("tree")])
 def test_new_counts_are_no_new_trace(variant):
     sampler, where, counts = samplers.z(8, 8, 4, 0, variant, dims=4), pixels(8, 8, 4), np.full((8, 8), 4)

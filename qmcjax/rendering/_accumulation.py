@@ -66,22 +66,20 @@ def accumulate(
     return devices.mapped(of_tile, how.mesh, (tiles, states), pair, first, blocks)
 
 
-@jit("how", "traced")
-def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How, traced: bool) -> Array:
+@jit("how")
+def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How) -> Array:
     """Return the means over all samples of some tiles; the sums stay in the cache."""
+    return devices.mapped(partial(mean_of_tile, how), how.mesh, tiles, pair, spp)
 
-    def of_tile(tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
-        if how.whole:
-            # No loop on a GPU: its end would be read by the processor.
-            total = jax.checkpoint(partial(_block, how))((*pair, tile), jnp.uint32(0))
-            return mean((total, jnp.zeros_like(total)), spp)
-        state = zeros(pair[0], (how.size,), how.dtype)
-        blocks = spp // np.uint32(how.block)
-        state = summation.add_terms(*_terms(pair, tile, how), state, jnp.uint32(0), blocks)
-        return mean(state, spp)
 
-    mapped = devices.differentiable if traced else devices.mapped
-    return mapped(of_tile, how.mesh, tiles, pair, spp)
+def mean_of_tile(how: How, tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
+    if how.whole:
+        # No loop on a GPU: its end would be read by the processor.
+        total = jax.checkpoint(partial(_block, how))((*pair, tile), jnp.uint32(0))
+        return mean((total, jnp.zeros_like(total)), spp)
+    state = zeros(pair[0], (how.size,), how.dtype)
+    blocks = spp // np.uint32(how.block)
+    return mean(summation.add_terms(*_terms(pair, tile, how), state, jnp.uint32(0), blocks), spp)
 
 
 def _terms(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any, Array], Array], bool, Any]:

@@ -136,7 +136,7 @@ def means(
                 size, task.width, task.height, batch, together, whole, dims, task.dtype, mesh
             )
             arguments = devices.place((padded.reshape(count, size), np.uint32(task.spp)), mesh)
-            made = _accumulation.means(pair, *arguments, how, False)
+            made = _accumulation.means(pair, *arguments, how)
             begun.append((part, devices.local(made, mesh)))
         for part, values in begun:
             yield part, flat(np.asarray(values))[: len(part)]

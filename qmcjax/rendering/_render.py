@@ -100,76 +100,92 @@ def render_task(
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
         most = min(backend.pixels, backend.samples // spp)
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
-        image, finite, finished, state, samples, channels = None, None, 0, None, 0, ()
-        # On a GPU each program that is started takes as long as millions of samples.
-        alone = not (traced or backend.caches or mesh or saved or progress)
-        if saved is not None and saved.state:
-            image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
-            channels = saved.state["image"].shape[1:]
-            samples = int(saved.state["samples"])
-            if samples:
-                state = jnp.asarray(saved.state["sum"]), jnp.asarray(saved.state["excess"])
-        while finished < pixels:
-            count = min(at_a_time, -(-(pixels - finished) // size))
-            # Parts of a checkpoint may have another size, on other devices.
-            count, of_tile = (count, size) if state is None else state[0].shape[:2]
-            whole = together > 1 and batch * together == spp
-            how = _accumulation.How(of_tile, width, height, batch, together, whole, dims, dtype, mesh)
-            tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
-            means = None
-            if alone and count * size >= pixels and count * size * spp <= backend.samples:
-                image, finite = _at_once(pair, np.uint32(spp), how, count)
-                break
-            if state is None and (traced or count * size * spp <= backend.samples):
-                arguments = devices.place((tiles, np.uint32(spp)), mesh)
-                means = devices.local(_accumulation.means(pair, *arguments, how, traced), mesh)
-            else:
-                if state is None:
-                    state = _accumulation.zeros(scene, (count, size), dtype)
-                blocks = max(backend.samples // (count * of_tile * how.block), 1)
-                more = min(spp - samples, blocks * how.block)
-                arguments = tiles, state, np.uint32(samples // how.block), np.uint32(more // how.block)
-                arguments = devices.place(arguments, mesh)
-                state = devices.local(_accumulation.accumulate(pair, *arguments, how), mesh)
-                samples += more
-                if samples == spp:
-                    means, state, samples = _accumulation.mean(state, np.uint32(spp)), None, 0
-            if means is not None and saved is None and means.shape[0] * means.shape[1] == pixels:
-                # Not reshaped here: each operation outside of a program takes its time.
-                image, finished, channels = means, pixels, means.shape[2:]
-            elif means is not None:
-                part = means.reshape(-1, *means.shape[2:])
-                part = part if len(part) <= pixels - finished else part[: pixels - finished]
-                image, finished = _with_part(image, part, finished, pixels)
-                channels = part.shape[1:]
-            if saved is not None:
-                jax.block_until_ready((image, state))
-                if saved.due(last=finished == pixels):
-                    saved.write(
-                        image=np.empty(0) if image is None else image[:finished],
-                        sum=np.empty(0) if state is None else state[0],
-                        excess=np.empty(0) if state is None else state[1],
-                        samples=samples,
-                    )
+        whole = together > 1 and batch * together == spp
+        how = _accumulation.How(size, width, height, batch, together, whole, dims, dtype, mesh)
+        count = -(-pixels // size)
+        if saved is None and (traced or (count <= at_a_time and count * size * spp <= backend.samples)):
+            by_rows = backend.caches and not traced
+            made = _at_once(pair, *devices.place((np.uint32(spp),), mesh), how, traced, by_rows)
+            image, finite = devices.local(made, mesh)
             if progress is not None:
-                jax.block_until_ready((image, state))
-                progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
-        assert image is not None
-        if finite is None:
-            finished_image = _shaped if traced else _in_place
-            image, finite = finished_image(image, (height, width, *channels), backend.caches)
+                jax.block_until_ready(image)
+                progress(1.0)
+        else:
+            image, finite = _in_calls(pair, spp, how, at_a_time, progress, saved)
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
     return image
 
 
-@jit("how", "count")
-def _at_once(pair: tuple[Any, Any], spp: Array, how: _accumulation.How, count: int) -> tuple[Array, Array]:
-    """Return the image of ``count`` tiles, which are all, and whether it is finite, by one program."""
-    tiles = jnp.arange(count, dtype=jnp.uint32) * np.uint32(how.size)
-    means = _accumulation.means(pair, tiles, spp, how, False)
-    pixels = means.reshape(-1, *means.shape[2:])[: how.width * how.height]
-    return _shaped(pixels, (how.height, how.width, *pixels.shape[1:]), False)
+@jit("how", "traced", "by_rows")
+def _at_once(
+    pair: tuple[Any, Any], spp: Array, how: _accumulation.How, traced: bool, by_rows: bool
+) -> tuple[Array, Array]:
+    """Return the image and whether it is finite, by one program: starting more takes its time."""
+    pixels = how.width * how.height
+    tiles = jnp.arange(-(-pixels // how.size), dtype=jnp.uint32) * np.uint32(how.size)
+    mapped = devices.differentiable if traced else devices.mapped
+    means = mapped(partial(_accumulation.mean_of_tile, how), how.mesh, tiles, pair, spp)
+    image = means.reshape(-1, *means.shape[2:])[:pixels]
+    return devices.everywhere(_shaped(image, (how.height, how.width, *image.shape[1:]), by_rows), how.mesh)
+
+
+def _in_calls(
+    pair: tuple[Any, Any],
+    spp: int,
+    how: _accumulation.How,
+    at_a_time: int,
+    progress: Callable[[float], None] | None,
+    saved: checkpoints.File | None,
+) -> tuple[Array, Array]:
+    """Return the same by several programs, at most ``at_a_time`` tiles by each."""
+    mesh, size, samples_of_call = how.mesh, how.size, backends.current().samples
+    pixels = how.width * how.height
+    image, finished, state, samples = None, 0, None, 0
+    if saved is not None and saved.state:
+        image, finished = _with_part(None, jnp.asarray(saved.state["image"]), 0, pixels)
+        samples = int(saved.state["samples"])
+        if samples:
+            state = jnp.asarray(saved.state["sum"]), jnp.asarray(saved.state["excess"])
+    while finished < pixels:
+        count = min(at_a_time, -(-(pixels - finished) // size))
+        # Parts of a checkpoint may have another size, on other devices.
+        count, of_tile = (count, size) if state is None else state[0].shape[:2]
+        how = how._replace(size=of_tile)
+        tiles = (finished + of_tile * np.arange(count)).astype(np.uint32)
+        means = None
+        if state is None and count * size * spp <= samples_of_call:
+            arguments = devices.place((tiles, np.uint32(spp)), mesh)
+            means = devices.local(_accumulation.means(pair, *arguments, how), mesh)
+        else:
+            if state is None:
+                state = _accumulation.zeros(pair[0], (count, size), how.dtype)
+            blocks = max(samples_of_call // (count * of_tile * how.block), 1)
+            more = min(spp - samples, blocks * how.block)
+            arguments = tiles, state, np.uint32(samples // how.block), np.uint32(more // how.block)
+            arguments = devices.place(arguments, mesh)
+            state = devices.local(_accumulation.accumulate(pair, *arguments, how), mesh)
+            samples += more
+            if samples == spp:
+                means, state, samples = _accumulation.mean(state, np.uint32(spp)), None, 0
+        if means is not None:
+            part = means.reshape(-1, *means.shape[2:])
+            part = part if len(part) <= pixels - finished else part[: pixels - finished]
+            image, finished = _with_part(image, part, finished, pixels)
+        if saved is not None:
+            jax.block_until_ready((image, state))
+            if saved.due(last=finished == pixels):
+                saved.write(
+                    image=np.empty(0) if image is None else image[:finished],
+                    sum=np.empty(0) if state is None else state[0],
+                    excess=np.empty(0) if state is None else state[1],
+                    samples=samples,
+                )
+        if progress is not None:
+            jax.block_until_ready((image, state))
+            progress(min((finished + count * of_tile * samples / spp) / pixels, 1.0))
+    assert image is not None
+    return _in_place(image, (how.height, how.width, *image.shape[1:]), backends.current().caches)
 
 
 def _with_part(image: Array | None, part: Array, finished: int, pixels: int) -> tuple[Array | None, int]:
@@ -190,18 +206,18 @@ def _written(image: Array, part: Array, begin: Array) -> Array:
 
 
 def _shaped(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
-    del by_rows
-    return image.reshape(shape), jnp.isfinite(image).all()
+    """Return the pixels as an image, and whether all are finite.
 
-
-@partial(jax.jit, static_argnums=(1, 2), donate_argnums=0)
-def _in_place(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
-    """Do the same in place: on processors row by row, or XLA would allocate one byte per pixel."""
-    if not by_rows:
-        return _shaped(image, shape, by_rows)
+    ``by_rows``: one row after the other, or XLA for processors would allocate one byte per pixel.
+    """
     image = image.reshape(shape)
+    if not by_rows:
+        return image, jnp.isfinite(image).all()
 
     def of_row(row: Array, finite: Array) -> Array:
         return finite & jnp.isfinite(image[row]).all()
 
     return image, jax.lax.fori_loop(np.uint32(0), np.uint32(shape[0]), of_row, jnp.bool_(True))
+
+
+_in_place = jax.jit(_shaped, static_argnums=(1, 2), donate_argnums=0)

@@ -58,7 +58,7 @@ def convergence(
         The reference's own error, drawn as a line.
     title, ylabel : str, optional
     among : sequence of str, optional
-        Names of all samplers of several plots, for the same styles in all.
+        All samplers of several plots, for the same styles in all; by default those of ``errors``.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -69,7 +69,7 @@ def convergence(
     Raises
     ------
     TypeError
-        If ``errors`` is no mapping, or ``ax`` no Axes.
+        If ``errors`` is no mapping, ``among`` has others than names, or ``ax`` is no Axes.
     ValueError
         If errors have another shape, or one is not positive.
 
@@ -100,7 +100,7 @@ def convergence(
     scale = x**times
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
-    styles = {name: style(name, [*among, *of]) for name in of}
+    styles = {name: style(name, among or of) for name in of}
     named = [(name, values[~np.isnan(values)][-1], styles[name].color) for name, values in of.items()]
     for power in powers:
         rate = start * (x / x[0]) ** (power + times)

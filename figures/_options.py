@@ -3,6 +3,7 @@
 import argparse
 import difflib
 from collections.abc import Collection, Mapping
+from functools import partial
 from pathlib import Path
 
 from figures.catalogue import NO_DRAFT, PAPERS, Entry
@@ -100,7 +101,10 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         "--processes", type=count, metavar="N", help="with --coordinator: how many there are"
     )
     several.add_argument(
-        "--process-id", type=_number, metavar="K", help="with --coordinator: this one, 0 to N-1"
+        "--process-id",
+        type=partial(count, least=0),
+        metavar="K",
+        help="with --coordinator: this one, 0 to N-1",
     )
     return parser
 
@@ -140,16 +144,8 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def count(text: str) -> int:
-    """Return an integer of at least 1, the type of an option."""
-    return _integer(text, 1)
-
-
-def _number(text: str) -> int:
-    return _integer(text, 0)
-
-
-def _integer(text: str, least: int) -> int:
+def count(text: str, least: int = 1) -> int:
+    """Return an integer, the type of an option."""
     try:
         value = int(text)
     except ValueError:

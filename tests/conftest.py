@@ -8,7 +8,7 @@ import jax
 import pytest
 from hypothesis import settings
 
-from figures.making import compiled_programs
+from figures.making import compiled_programs, workers
 
 # Traces are large and short-lived. At Python's thresholds, looking for garbage among all that was imported,
 # collected and compiled takes a fifth of the tests' time.
@@ -22,17 +22,11 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
-MAPPINGS = 30000
-"""Half of the parts of memory that Linux lets a process have; each program takes about three."""
-
-
 @pytest.fixture(autouse=True, scope="module")
 def few_programs():
     """Forget compiled programs before there are so many that the next one crashes the process."""
     yield
-    maps = Path("/proc/self/maps")
-    if maps.exists() and maps.read_bytes().count(b"\n") > MAPPINGS:
-        jax.clear_caches()
+    workers.forget_programs()
 
 
 def made(request):

@@ -201,8 +201,8 @@ def _answer(task: Task) -> Done | Failed:
 def draw(task: Task, progress: Callable[[float], None]) -> Done:
     """Make a figure; raise a TypeError or ValueError if what its module returns is none."""
     start = time.perf_counter()
-    module, _, function = task.module.partition(":")
-    make = getattr(importlib.import_module(module), function or "make")
+    module, function = f"{task.module}:make".split(":")[:2]
+    make = getattr(importlib.import_module(module), function)
 
     import matplotlib.pyplot as plt
     from matplotlib.figure import Figure
@@ -214,8 +214,7 @@ def draw(task: Task, progress: Callable[[float], None]) -> Done:
         parts = make(task.quality, progress)
         if not (len(parts) in (2, 3, 4) and isinstance(parts[0], Figure) and isinstance(parts[1], dict)):
             types = ", ".join(type(part).__name__ for part in parts)
-            name = f"{module}.{function or 'make'}"
-            raise TypeError(f"{name} must return a matplotlib Figure and a dict, got ({types})")
+            raise TypeError(f"{module}.{function} must return a matplotlib Figure and a dict, got ({types})")
         picture, numbers, *handed = parts
         images, others = (*handed, *(None, {})[len(handed) :])
         check_numbers(numbers)

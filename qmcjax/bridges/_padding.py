@@ -17,11 +17,7 @@ _STEPS = [np.uint32(k * 0x9E3779B9 % 2**32) for k in range(3)]
 
 
 def padding_pixel(words: Array, x: Array, y: Array) -> Array:
-    """Return what all padded pairs of a pixel share: one random word.
-
-    ``words``: uint32 Array, shape (2,): a random key. ``x``, ``y``: uint32 Array, shape (...). Returns uint32
-    Array, shape (...).
-    """
+    """Return what all padded pairs of a pixel share, one random word; two ``words`` are the key."""
     return hash_pair(x ^ words[0], y ^ words[1])
 
 
@@ -32,8 +28,8 @@ def padding_pair(pixel: Array, pair: Array, sample: Array) -> Array:
     and pair. Their order is shuffled per pixel and pair as well: otherwise the same half of all pairs would
     contain the same samples [1]_. The shuffle is nested, so aligned blocks of 2**k samples stay (0,k,2)-nets.
 
-    ``pixel``: uint32 Array, shape (...), from :func:`padding_pixel`. ``pair``: uint32 Array, the number of
-    the pair: it may vary. ``sample``: uint32 Array. Returns float32 Array, shape (..., 2), in [0, 1).
+    ``pixel`` is from :func:`padding_pixel`, and ``pair`` the number of the pair. Returns float32, shape
+    (..., 2), in [0, 1).
 
     References
     ----------

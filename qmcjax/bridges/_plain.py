@@ -204,11 +204,9 @@ def pixel_points(
     dims: tuple[int, ...],
     dtype: DTypeLike,
 ) -> NDArray:
-    """Return points of valid pixels and samples.
+    """Return the points of valid pixels and samples: array of shape (rows, columns, count, len(dims)).
 
-    ``corner``, ``size``: first column and row of the rectangle; number of columns and rows. ``first``,
-    ``count``: samples. ``dtype``: float32 or float64. Returns array of ``dtype``, shape (rows, columns,
-    count, len(dims)).
+    ``corner`` and ``size`` of the rectangle: columns first.
     """
     (x, y), (width, height) = corner, size
     rows = max(1, min(height, PIECE // (width * count * len(dims))))

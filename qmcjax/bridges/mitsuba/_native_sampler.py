@@ -38,13 +38,7 @@ class NotCompiled(Exception):
 
 @cache
 def compiler(language: str) -> str:
-    """Return the compiler of a language: CC or CXX of the environment, else cc or c++.
-
-    Raises
-    ------
-    NotCompiled
-        If there is none.
-    """
+    """Return the compiler of a language: CC or CXX of the environment, else cc or c++; raise NotCompiled."""
     variable, usual = {"c": ("CC", "cc"), "c++": ("CXX", "c++")}[language]
     command = os.environ.get(variable) or usual
     found = shutil.which(command)
@@ -56,10 +50,7 @@ def compiler(language: str) -> str:
 def library(text: str, language: str, flags: Sequence[str] = (), linked: Sequence[str] = ()) -> ctypes.CDLL:
     """Return the library of some source code with others linked to it, compiled unless it was before.
 
-    Raises
-    ------
-    NotCompiled
-        If there is no compiler, if it fails, or if there is no folder for its result.
+    Raises NotCompiled if there is no compiler, if it fails, or if there is no folder for its result.
     """
     command = [compiler(language), "-O2", "-shared", "-fPIC", *flags, "-x", language, "-"]
     command += ["-x", "none", *linked, "-lm"]

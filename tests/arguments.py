@@ -86,7 +86,7 @@ def right_of_functions():
         "analysis.minimize.parameters": [np.ones(2, np.float32)], "analysis.minimize.project": [None],
         "analysis.minimize.rate": [0.1], "analysis.minimize.noise": [0.0],
         "analysis.design_samples.frames": [None], "qmcjax.samplers.designed.frames": [None],
-        "qmcjax.samplers.tiled.points": [np.full((4, 4, 1, 2), 0.5)], "tiled.frame": [1],
+        "qmcjax.samplers.tiled.points": [np.full((4, 4, 1, 2), 0.5)],
         "analysis.soft_star_discrepancy.temperature": [0.1],
         "analysis.squared_min_distance.side": [4], "table.sampler": ["a"], "row.measure": ["RMS error"],
         "scrambling.code": [1], "scrambling.digits": [2], "z.rounds": [2], "z.counts": [np.ones((4, 4), int)],
@@ -210,7 +210,6 @@ def right_of_traced():
         "disc": {"point": [0.5, 0.5], "low": [0.1, 0.1], "high": [0.2, 0.2], "u": [0.5]},
         "moving": {"point": [0.5] * 5, "low": [0.1] * 5, "high": [0.2] * 5},
         "estimator": {"point": [0.5, 0.5], "low": [0.1, 0.1], "high": [0.2, 0.2]},
-        "irradiance": {"point": [vector], "normal": [vector], "radius": 1.0, "time": 0.5},
         "engine": {"n": 2},
         "choice": {"width": 4, "height": 4},
     }

@@ -325,8 +325,8 @@ def outcome(qualified, arguments, wrong):
             result = target(qualified)(**arguments)
             result = list(result) if isinstance(result, Iterator) else result
     except (TypeError, ValueError) as error:
-        # Or the file that is read: one of "given.txt", "given.csv" ...
-        if any(is_named(name, str(error)) for name in (*parameters(qualified), r"\S+/given\S+")):
+        # Of any argument, as they may not fit together; or of the file that is read, "given.txt" and others.
+        if wrong and any(is_named(name, str(error)) for name in (*parameters(qualified), r"\S+/given\S+")):
             return None
         return f"{type(error).__name__}: {str(error)[:150]}"
     except OSError as error:

@@ -161,7 +161,7 @@ def test_what_cannot_be_averaged_alternates():
         )
         for _ in range(2)
     )
-    got, covered = render.predicted(one, other, tracing.Step(0, 1, 2, 1))
+    got, covered = render.predict(one, other, tracing.Step(0, 1, 2, 1))
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     second = (x.ravel() ^ y.ravel()) % 2 == 1
     assert covered.all() and 0.4 < second.mean() < 0.6
@@ -221,7 +221,7 @@ def test_samples_are_those_of_other_numbers_everywhere():
     of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
     render = Renderer(of, 4, 4, 3, jax.random.key(1))
     pixels = np.tile(np.arange(16), 4)
-    drawn = [render.sampled(interval, pixels, 1, first).time for interval, first in ((0, 0), (0, 1), (1, 0))]
+    drawn = [render.sample(interval, pixels, 1, first).time for interval, first in ((0, 0), (0, 1), (1, 0))]
     within = np.concatenate([drawn[0], drawn[1], drawn[2] - np.float32(1 / 3)])
     assert len(np.unique(within.round(6))) == 3 * 64
 
@@ -232,10 +232,10 @@ def test_all_samples_of_a_pixel_count_alike():
     of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
     render = Renderer(of, 4, 4, 3, jax.random.key(1))
     step, every = tracing.Step(0, 1, 2, 1), np.arange(16)
-    checked, added = render.sampled(1, every, 2, 0).color, render.sampled(1, every[5:6], 6, 1).color
-    wrong = render.sampled(1, every, 2, 0)
+    checked, added = render.sample(1, every, 2, 0).color, render.sample(1, every[5:6], 6, 1).color
+    wrong = render.sample(1, every, 2, 0)
     wrong.color[5, 2] *= 3
-    found, taken = render.corrected(wrong, every >= 0, step, 2, 8, 0.3)
+    found, taken = render.correct(wrong, every >= 0, step, 2, 8, 0.3)
     assert taken.tolist() == [8 if pixel == 5 else 2 for pixel in every]
     np.testing.assert_allclose(found.color[5], (2 * checked[5] + 6 * added[0]) / 8, rtol=1e-6)
     np.testing.assert_array_equal(found.color[every != 5], checked[every != 5])

@@ -72,7 +72,7 @@ class AnalyticVisibility:
             return estimator(point)
         world, camera = estimator.guarded()
         world = in_dtype(world, point.dtype)
-        rays, pieces = self._seen(world, camera, coordinates)
+        rays, pieces = self._visible_pieces(world, camera, coordinates)
         names = [name for name in coordinates if name not in ("x", "y", "shading")]
         offset = coordinates.get("shading", jnp.zeros_like(coordinates["x"]))
         others = [coordinates[name] for name in names]
@@ -99,7 +99,7 @@ class AnalyticVisibility:
                 radiance = each(lambda r, e: r + empty * e, tuple(radiance), components(light.radiance))
         return stacked(tuple(radiance)).reshape(*point.shape[:-1], 3)
 
-    def _seen(self, world: World, camera: Any, coordinates: Coordinates) -> tuple[Any, _Pieces]:
+    def _visible_pieces(self, world: World, camera: Any, coordinates: Coordinates) -> tuple[Any, _Pieces]:
         """Return rays, and the parts of the shutter in which each sees one primitive."""
         x = coordinates["x"]
         lens = tuple(coordinates[name] for name in camera.lens)
@@ -119,7 +119,7 @@ class AnalyticVisibility:
         if "time" not in estimator.needs:
             return jnp.zeros(point.shape[:-1], point.dtype)
         world = in_dtype(estimator.world, point.dtype)
-        _, pieces = self._seen(world, estimator.camera, coordinates)
+        _, pieces = self._visible_pieces(world, estimator.camera, coordinates)
         return pieces.share[-1].reshape(point.shape[:-1])
 
     def varies(self, low: Array, high: Array) -> Array:

@@ -132,10 +132,10 @@ def _step(world: World, time: Array, path: _Path, draw: Draws, light: Vertex | N
     others = tuple(cut(square(path.scale / apart) * part) for part in path.others)
     surface = _Surface(at, apart * path.inverse, is_open, others)
     last = draw.number == surfaces
-    gained = _lit(world, surface, time, path.throughput, draw.choice, last, light is not None)
+    gained = _light_of_lights(world, surface, time, path.throughput, draw.choice, last, light is not None)
     radiance = plus(radiance, gained)
     if light is not None:
-        gained = _joined(world, surface, time, path.throughput, light, surfaces - draw.number)
+        gained = _connect(world, surface, time, path.throughput, light, surfaces - draw.number)
         radiance = plus(radiance, gained)
     direction, factor, density = scatter(at, draw.turn)
     throughput = each(lambda t, f: t * f, path.throughput, factor)
@@ -152,7 +152,7 @@ def _step(world: World, time: Array, path: _Path, draw: Draws, light: Vertex | N
     return _Path(at.hit.point, direction, at.normal, *ratios, throughput, radiance)
 
 
-def _lit(
+def _light_of_lights(
     world: World, surface: _Surface, time: Array, throughput: Vector, choice: Choice, last: Array, joins: bool
 ) -> Vector:
     """Return the light of lights, weighted by how likely other strategies find it."""
@@ -172,7 +172,7 @@ def _lit(
     return reflect_lights(world, choice, surface.at, time, gain)
 
 
-def _joined(
+def _connect(
     world: World, surface: _Surface, time: Array, throughput: Vector, light: Vertex, room: Array
 ) -> Vector:
     """Return the contribution of light-path vertices, at most ``room`` of them."""

@@ -115,7 +115,7 @@ class Renderer(NamedTuple):
     """Number of intervals."""
     key: Array
 
-    def sampled(self, interval: int, pixels: NDArray[np.intp], count: int, first: int) -> DeepImage:
+    def sample(self, interval: int, pixels: NDArray[np.intp], count: int, first: int) -> DeepImage:
         """Return some pixels by random samples of an interval; samples are numbered from a given one."""
         rows = np.repeat(pixels, count)
         block = min(_ROWS, 1 << (self.width * self.height - 1).bit_length())
@@ -135,10 +135,10 @@ class Renderer(NamedTuple):
         color = whole.color.reshape(-1, count, 3).mean(axis=1, dtype=np.float64).astype(np.float32)
         return DeepImage(*(a[nearest] for a in whole))._replace(color=color)
 
-    def predicted(self, left: DeepImage, right: DeepImage, step: Step) -> tuple[DeepImage, NDArray[np.bool_]]:
+    def predict(self, left: DeepImage, right: DeepImage, step: Step) -> tuple[DeepImage, NDArray[np.bool_]]:
         """Predict the image between two others, and return which pixels are predicted."""
         (one, sees), (other, also) = (
-            self._moved(deep, step.middle - start) for deep, start in ((left, step.left), (right, step.right))
+            self._move(deep, step.middle - start) for deep, start in ((left, step.left), (right, step.right))
         )
         y, x = np.divmod(np.arange(len(sees)), self.width)
         second = np.where(sees & also, ((x ^ y) & 1).astype(bool), also)
@@ -148,7 +148,7 @@ class Renderer(NamedTuple):
             color=np.where(both, 0.5 * (one.color + other.color), result.color)
         ), sees | also
 
-    def corrected(
+    def correct(
         self,
         predicted: DeepImage,
         covered: NDArray[np.bool_],
@@ -160,7 +160,7 @@ class Renderer(NamedTuple):
         """Sample the pixels where prediction fails, and return how many samples each pixel took."""
         taken = np.full(len(covered), count, np.int32)
         bad = ~covered
-        checked = self.sampled(step.middle, np.arange(len(covered)), count, 0) if count else None
+        checked = self.sample(step.middle, np.arange(len(covered)), count, 0) if count else None
         if checked is not None:
             apart, total = abs(checked.color - predicted.color), checked.color + predicted.color
             bad = bad | (apart > contrast * total).any(axis=1)
@@ -170,7 +170,7 @@ class Renderer(NamedTuple):
         taken[pixels] = fail
         parts = [] if checked is None else [(count, DeepImage(*(a[pixels] for a in checked)))]
         if fail > count:
-            parts.append((fail - count, self.sampled(step.middle, pixels, fail - count, 1)))
+            parts.append((fail - count, self.sample(step.middle, pixels, fail - count, 1)))
         whole = parts[0][1]
         if len(parts) == 2:
             (n, one), (m, other) = parts
@@ -181,7 +181,7 @@ class Renderer(NamedTuple):
             mine[pixels] = new
         return predicted, taken
 
-    def _moved(self, deep: DeepImage, intervals: int) -> tuple[DeepImage, NDArray[np.bool_]]:
+    def _move(self, deep: DeepImage, intervals: int) -> tuple[DeepImage, NDArray[np.bool_]]:
         """Return an image moved by so many intervals, and the pixels that are covered."""
         camera = self.scene.camera
         opened, closed = (0.0, 0.0) if camera.still else np.asarray(camera.shutter, np.float64)

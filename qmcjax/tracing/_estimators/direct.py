@@ -47,7 +47,9 @@ class DirectLight(Estimator):
         seen, _ = emission(world, last, sight.origin, last.normal)
         state = last, (one, one, one), seen
         if last.surface.mirror is not None:
-            state = jax.lax.fori_loop(0, self.mirrors, lambda _, state: _mirrored(world, time, *state), state)
+            state = jax.lax.fori_loop(
+                0, self.mirrors, lambda _, state: _follow_mirrors(world, time, *state), state
+            )
         last, throughput, seen = state
 
         def gain(light: Sample, reflectance: Vector, _: Array) -> Vector:
@@ -57,7 +59,9 @@ class DirectLight(Estimator):
         return each(lambda emitted, t, light: emitted + t * light, seen, throughput, of_lights)
 
 
-def _mirrored(world: World, time: Array, last: SurfaceInteraction, throughput: Vector, seen: Vector) -> Any:
+def _follow_mirrors(
+    world: World, time: Array, last: SurfaceInteraction, throughput: Vector, seen: Vector
+) -> Any:
     """Follow rays from mirrors to their next hit."""
     mirror = last.surface.mirror
     assert mirror is not None

@@ -99,13 +99,11 @@ def predictor_corrector(
     require("contrast", limit, lambda c: (c >= 0) & (c <= 1), "in [0, 1]")
     render = Renderer(scene, width, height, 2 ** len(counts) + 1, checks.prng_key("key", key))
     steps = _steps(len(counts))
-    known = {
-        end: render.sampled(end, np.arange(width * height), fail, 0) for end in (0, render.intervals - 1)
-    }
+    known = {end: render.sample(end, np.arange(width * height), fail, 0) for end in (0, render.intervals - 1)}
     taken = {end: np.full(width * height, fail, np.int32) for end in known}
     for step in steps:
-        predicted, covered = render.predicted(known[step.left], known[step.right], step)
-        known[step.middle], taken[step.middle] = render.corrected(
+        predicted, covered = render.predict(known[step.left], known[step.right], step)
+        known[step.middle], taken[step.middle] = render.correct(
             predicted, covered, step, counts[step.level - 1], fail, float(limit)
         )
     images = np.stack([known[k].color.reshape(height, width, 3) for k in range(render.intervals)])

@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core.plug_ins import unwrap
-from qmcjax.tracing._light.interaction import kinds
+from qmcjax.tracing._light.interaction import surface_kinds
 from qmcjax.tracing._shapes.object import Object
 from qmcjax.tracing._shapes.primitives import Plane
 from qmcjax.tracing._shapes.shape_batches import Shape
@@ -76,7 +76,7 @@ def find_seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
     regions, flags = [], []
     for number, item in enumerate(world.parts):
         of_item, is_object = _regions(item, dtype), number < len(world.objects)
-        flag = is_object, item.moves or item.recolors, is_object and kinds(item)[0].mirror is not None
+        flag = is_object, item.moves or item.recolors, is_object and surface_kinds(item)[0].mirror is not None
         regions.append(of_item)
         flags.append(np.broadcast_to(np.array(flag), (of_item.low.shape[0], 3)))
     blockers = [_regions(item, dtype) for item in moving]

@@ -161,7 +161,7 @@ class Polygons(NamedTuple):
         """Return when rays hit the polygon of a row."""
         (x, y, z), _ = self.seen(row, view)
         begin, finish = self.begin[row], self.finish[row]
-        start, end, side = _signed(_edges(x, y), both=True)
+        start, end, side = _same_signs(_edges(x, y), both=True)
         # Of a parallelogram, the triangle without the opposite vertex.
         chosen = 0, 1, x.shape[1] - 1
         (ax, bx, cx), (ay, by, cy), (az, bz, cz) = ([a[:, corner] for corner in chosen] for a in (x, y, z))
@@ -224,8 +224,8 @@ class Balls(NamedTuple):
         outside = _products(*origins) - 1
         ahead = [-dot(origin, direction) for origin in origins]
         ahead = jnp.stack([ahead[0], 0.5 * (ahead[0] + ahead[1]), ahead[1]])
-        near = _signed(jnp.stack([chord, outside, ahead], axis=1), both=False)
-        far = _signed(-outside[:, None], both=False)
+        near = _same_signs(jnp.stack([chord, outside, ahead], axis=1), both=False)
+        far = _same_signs(-outside[:, None], both=False)
         start, end = (jnp.concatenate(parts) for parts in zip(near[:2], far[:2], strict=True))
         sides = [-jnp.ones_like(near[0]), jnp.ones_like(far[0])]
         squared = dot(direction, direction)
@@ -298,7 +298,7 @@ def _chord(origins: list[Vector], direction: Vector) -> Array:
     return dot(direction, direction)[None] - _products(*across)
 
 
-def _signed(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
+def _same_signs(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     """Return when all quadratics, (3, m, n), are positive, or with ``both`` have the same sign.
 
     Starts and ends in [0, 1] and signs (0: none), of shape (m + 1, n). Each quadratic is a step function with
@@ -308,7 +308,7 @@ def _signed(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     first, second, sign = crossings(quadratics)
     count, rays = first.shape
     zero = jnp.zeros((1, rays), first.dtype)
-    points = jnp.minimum(_sorted(jnp.concatenate([first, second])), 1)
+    points = jnp.minimum(_sort_short_axis(jnp.concatenate([first, second])), 1)
     points = jnp.concatenate([zero, points, zero + 1])
     place = jnp.arange(count + 1, dtype=jnp.int32)[:, None]
 
@@ -336,7 +336,7 @@ def _signed(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     return jax.lax.scan(turn, state, (points[:-1], points[1:]))[0][0]
 
 
-def _sorted(values: Array) -> Array:
+def _sort_short_axis(values: Array) -> Array:
     """Sort numbers along the short first axis by counting smaller ones."""
     place = jnp.arange(len(values), dtype=jnp.int32)[:, None, None]
     one, other = values[:, None], values[None]

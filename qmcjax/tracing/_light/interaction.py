@@ -142,7 +142,7 @@ def interact(
 
 def surface(world: World, at: Intersection, time: Array) -> Surface:
     """Return the surface at each hit; all its values are 0 where nothing, or a light, is hit."""
-    textured = [_textured(item.material) for item, _ in world.numbered()]
+    textured = [_is_textured(item.material) for item, _ in world.numbered()]
     number = at.number
     u, v = coordinates(world, textured, number, time, at.inside)
     starts = [start for _, start in world.numbered()]
@@ -183,23 +183,23 @@ def any_of(color: Vector) -> Array:
     return (color[0] > 0) | (color[1] > 0) | (color[2] > 0)
 
 
-def scatters(world: World) -> bool:
+def has_random_lobes(world: World) -> bool:
     """Whether any surface scatters light in random directions."""
-    return any(kind.diffuse is not None or kind.glossy is not None for kind in kinds(*world.objects))
+    return any(kind.diffuse is not None or kind.glossy is not None for kind in surface_kinds(*world.objects))
 
 
-def mixed(world: World) -> bool:
+def has_two_lobes(world: World) -> bool:
     """Whether any surface has two lobes."""
-    return any(kind.diffuse is not None and kind.glossy is not None for kind in kinds(*world.objects))
+    return any(kind.diffuse is not None and kind.glossy is not None for kind in surface_kinds(*world.objects))
 
 
-def kinds(*objects: Object) -> list[Surface]:
+def surface_kinds(*objects: Object) -> list[Surface]:
     """Return which components the surfaces of objects may have; None is for those they never have."""
     number = jax.ShapeDtypeStruct((1,), jnp.float32)
     return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
 
 
-def _textured(material: Any) -> bool:
+def _is_textured(material: Any) -> bool:
     """Whether a material may depend on coordinates."""
     return material is not None and getattr(unwrap(material), "textured", True)
 

@@ -22,9 +22,9 @@ from qmcjax.tracing._light.interaction import (
     SurfaceInteraction,
     any_of,
     choice_needs,
-    mixed,
+    has_random_lobes,
+    has_two_lobes,
     sample_lights,
-    scatters,
     visible,
 )
 from qmcjax.tracing._shapes.vectors import (
@@ -160,7 +160,7 @@ class Turn(NamedTuple):
 
 def turn_needs(world: World, name: str) -> tuple[str, ...]:
     """Return the names of the coordinates that choose a direction."""
-    parts = (("u", "v") if scatters(world) else ()) + (("lobe",) if mixed(world) else ())
+    parts = (("u", "v") if has_random_lobes(world) else ()) + (("lobe",) if has_two_lobes(world) else ())
     return tuple(f"{name}_{part}" for part in parts)
 
 

@@ -40,11 +40,11 @@ class Frame(NamedTuple):
 
     def outside(self, vector: Vector) -> Vector:
         """Invert :meth:`inside`."""
-        return _combined(self.columns, vector)
+        return _combine(self.columns, vector)
 
     def normal(self, gradient: Vector) -> Vector:
         """Return gradients in the world: by the inverse transpose."""
-        return _combined(self.duals, gradient)
+        return _combine(self.duals, gradient)
 
 
 def to_object_space(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
@@ -67,7 +67,7 @@ def identity(time: Array) -> Frame:
     return Frame(axes, axes, (zero, zero, zero))
 
 
-def _combined(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector:
+def _combine(vectors: tuple[Vector, Vector, Vector], factors: Vector) -> Vector:
     one, two, three = (times(factor, vector) for factor, vector in zip(factors, vectors, strict=True))
     return plus(plus(one, two), three)
 

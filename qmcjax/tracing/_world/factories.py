@@ -62,7 +62,7 @@ def box(low: ArrayLike, high: ArrayLike, *, motion: Any = None, material: Any = 
     """
     low, count = _vectors("low", low)
     high, _ = _vectors("high", high, count)
-    _known("high", high, low, lambda h, low: h > low, "above low")
+    _require_pair("high", high, low, lambda h, low: h > low, "above low")
     return _object(Box(low, high), motion, material)
 
 
@@ -81,7 +81,7 @@ def rectangle(
     """
     corner, count = _vectors("corner", corner)
     (edge_u, _), (edge_v, _) = _vectors("edge_u", edge_u, count), _vectors("edge_v", edge_v, count)
-    _known("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "neither zero nor parallel to edge_u")
+    _require_pair("edge_v", edge_v, edge_u, lambda v, u: _fat(u, v), "neither zero nor parallel to edge_u")
     return _object(Rectangle(corner, edge_u, edge_v), motion, material)
 
 
@@ -274,7 +274,7 @@ def _long(name: str, value: Any, count: int) -> Any:
     return vectors
 
 
-def _known(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:
+def _require_pair(name: str, value: Any, other: Any, holds: Any, rule: str) -> None:
     """Raise a ValueError if two arguments are known and do not satisfy a rule together."""
     if not isinstance(other, Tracer):
         require(name, value, lambda v: holds(v, np.asarray(other)), rule)

@@ -102,7 +102,7 @@ def by_arc_length(
     shape = control - control[0]
     size = np.ldexp(1.0, int(np.frexp(np.abs(shape).max())[1]))
     weights = np.ldexp(weights, 1000 - int(np.frexp(weights.max())[1]))
-    pieces, unknown = _divided(_bezier(shape / size, weights, knots, degree))
+    pieces, unknown = _divide(_bezier(shape / size, weights, knots, degree))
     lengths = np.linalg.norm(pieces.steps, axis=2).sum(axis=1)
     rough = ~pieces.smooth
     chords = np.linalg.norm(pieces.steps.sum(axis=1), axis=1)
@@ -168,7 +168,7 @@ def _shares(before: NDArray, after: NDArray) -> tuple[NDArray[np.float64], NDArr
     return one[..., None], other[..., None]
 
 
-def _divided(pieces: _Pieces) -> tuple[_Pieces, float]:
+def _divide(pieces: _Pieces) -> tuple[_Pieces, float]:
     """Halve pieces until all are smooth, or of no length, and bound what rounding does to the length.
 
     Weights of pieces that are halved k times have a relative error of ``k (degree + 1)`` roundings, their
@@ -186,7 +186,7 @@ def _divided(pieces: _Pieces) -> tuple[_Pieces, float]:
             break
         if len(going) + going.sum() > _MOST:
             raise ValueError(f"the curve must have a length that {_MOST} pieces tell, got one with more")
-        halves = _halved(pieces.rows(going))
+        halves = _halve(pieces.rows(going))
         times = 1 + going
         pieces, going = _Pieces(*(np.repeat(part, times, axis=0) for part in pieces)), np.repeat(going, times)
         for part, half in zip(pieces, halves, strict=True):
@@ -194,7 +194,7 @@ def _divided(pieces: _Pieces) -> tuple[_Pieces, float]:
     return pieces, rounding
 
 
-def _halved(pieces: _Pieces) -> _Pieces:
+def _halve(pieces: _Pieces) -> _Pieces:
     """Return both halves of pieces, one after the other, by de Casteljau's algorithm."""
     steps, weights = pieces.steps, pieces.weights
     first, last, left, right = [weights[:, 0]], [weights[:, -1]], [], []

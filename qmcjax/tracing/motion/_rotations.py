@@ -81,7 +81,7 @@ def _none(angle: Array) -> tuple[Array, Array]:
 
 def multiply(a: Array, b: Array) -> Array:
     """Return the rotation by ``b``, then ``a``, both of shape (..., 4): the Hamilton product."""
-    a, b = _matched(a=floats("a", a, (4,)), b=floats("b", b, (4,)))
+    a, b = _broadcast_vectors(a=floats("a", a, (4,)), b=floats("b", b, (4,)))
     (*u, p), (*v, q) = ([c[..., j] for j in range(4)] for c in (a, b))
     crossed = _cross(u, v)
     vector = [p * v[j] + q * u[j] + crossed[j] for j in range(3)]
@@ -93,7 +93,7 @@ def _cross(a: Sequence[Array], b: Sequence[Array]) -> Sequence[Array]:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _matched(**vectors: Array) -> list[Array]:
+def _broadcast_vectors(**vectors: Array) -> list[Array]:
     """Broadcast all axes but the last, or raise a ValueError that names the vectors."""
     first = together(**{name: vector[..., 0] for name, vector in vectors.items()})[0]
     return [jnp.broadcast_to(v, (*first.shape, v.shape[-1])) for v in vectors.values()]
@@ -107,7 +107,7 @@ def conjugate(q: Array) -> Array:
 
 def rotate(q: Array, vector: Array) -> Array:
     """Rotate vectors, shape (..., 3), by quaternions of unit length, shape (..., 4)."""
-    q, vector = _matched(q=floats("q", q, (4,)), vector=floats("vector", vector, (3,)))
+    q, vector = _broadcast_vectors(q=floats("q", q, (4,)), vector=floats("vector", vector, (3,)))
     twice = 2 * jnp.cross(q[..., :3], vector)
     return vector + q[..., 3:] * twice + jnp.cross(q[..., :3], twice)
 
@@ -298,12 +298,14 @@ def _box(points: Array, axis: Array, start: Array, end: Array) -> tuple[Array, A
     radius, top = jnp.hypot(cosine, sine), jnp.arctan2(sine, cosine)
     first, last = jnp.minimum(start, end), jnp.maximum(start, end)
     ends = [cosine * jnp.cos(angle) + sine * jnp.sin(angle) for angle in (first, last)]
-    high = jnp.where(_passed(top, first, last), radius, jnp.maximum(*ends))
-    low = jnp.where(_passed(top + np.asarray(np.pi, top.dtype), first, last), -radius, jnp.minimum(*ends))
+    high = jnp.where(_contains_angle(top, first, last), radius, jnp.maximum(*ends))
+    low = jnp.where(
+        _contains_angle(top + np.asarray(np.pi, top.dtype), first, last), -radius, jnp.minimum(*ends)
+    )
     return (fixed + low).min(axis=0), (fixed + high).max(axis=0)
 
 
-def _passed(angle: Array, first: Array, last: Array) -> Array:
+def _contains_angle(angle: Array, first: Array, last: Array) -> Array:
     """Whether ``angle``, up to full turns, is between two angles."""
     turn = np.asarray(2 * np.pi, angle.dtype)
     return angle + turn * jnp.ceil((first - angle) / turn) <= last

@@ -73,7 +73,7 @@ def _walk(world, tree, scratch, ray, limit, any_hit):
     x, y, z = 0 if inverse[0] > 0 else 3, 1 if inverse[1] > 0 else 4, 2 if inverse[2] > 0 else 5
     aside = wider if x == 0 else -wider, wider if y == 1 else -wider, wider if z == 2 else -wider
     over, under = tests.plus(origin, aside), tests.minus(origin, aside)
-    turned = triangles.turned(origin, ray.shear[0])
+    turned = triangles.turn_axis(origin, ray.shear[0])
     node, waiting = tree.root, 0
     while True:
         if node >= 0:

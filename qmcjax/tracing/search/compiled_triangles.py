@@ -22,7 +22,7 @@ def shear(d, inverse):
 
 
 @inlined
-def turned(a, axis):
+def turn_axis(a, axis):
     """Return a vector rotated so that a given axis is the third."""
     if axis == 0:
         return a[1], a[2], a[0]
@@ -38,7 +38,7 @@ def between(one, other, weights):
 
 
 @inlined
-def _crossed(a, b, c, shear):
+def _cross(a, b, c, shear):
     """Return the distances of triangles, with turned corners relative to the origin, and which are hit."""
     _, x, y, z = shear
     ax, ay, az = a[0] + x * a[2], a[1] + y * a[2], z * a[2]
@@ -60,13 +60,13 @@ def triangle(rows, k, ends, moves, ray, limit):
     none, axis = rows.dtype.type(-1), ray.shear[0]
     one, other, third = vector(rows, k, 0), vector(rows, k, 3), vector(rows, k, 6)
     if moves:
-        one = _moved(one, vector(ends, k, 0), ray.weights)
-        other = _moved(other, vector(ends, k, 3), ray.weights)
-        third = _moved(third, vector(ends, k, 6), ray.weights)
-    distance, hit = _crossed(
-        turned(minus(one, ray.origin), axis),
-        turned(minus(other, ray.origin), axis),
-        turned(minus(third, ray.origin), axis),
+        one = _corner_at(one, vector(ends, k, 0), ray.weights)
+        other = _corner_at(other, vector(ends, k, 3), ray.weights)
+        third = _corner_at(third, vector(ends, k, 6), ray.weights)
+    distance, hit = _cross(
+        turn_axis(minus(one, ray.origin), axis),
+        turn_axis(minus(other, ray.origin), axis),
+        turn_axis(minus(third, ray.origin), axis),
         ray.shear,
     )
     if not (hit and distance > 0 and distance < limit):
@@ -75,7 +75,7 @@ def triangle(rows, k, ends, moves, ray, limit):
 
 
 @inlined
-def _moved(a, b, weights):
+def _corner_at(a, b, weights):
     return between(a[0], b[0], weights), between(a[1], b[1], weights), between(a[2], b[2], weights)
 
 
@@ -91,7 +91,7 @@ def eight(blocks, row, last, moves, ray, origin, limit):
     a = _relative(blocks, x, y, z, last, moves, ray.weights, origin)
     b = _relative(blocks, x + 3, y + 3, z + 3, last, moves, ray.weights, origin)
     c = _relative(blocks, x + 6, y + 6, z + 6, last, moves, ray.weights, origin)
-    distance, hit = _crossed(a, b, c, ray.shear)
+    distance, hit = _cross(a, b, c, ray.shear)
     return distance, hit & (distance > 0) & (distance < limit)
 
 
@@ -118,7 +118,7 @@ def leaves(blocks, row, lane, last, moves, ray):
 def _corner(blocks, row, lane, last, moves, weights):
     a = blocks[row, lane], blocks[row + 1, lane], blocks[row + 2, lane]
     if moves:
-        return _moved(a, (last[row, lane], last[row + 1, lane], last[row + 2, lane]), weights)
+        return _corner_at(a, (last[row, lane], last[row + 1, lane], last[row + 2, lane]), weights)
     return a
 
 

@@ -293,7 +293,7 @@ def test_files_of_a_comparison(folder, monkeypatch, capsys):
     assert all(line.count("&") - 2 * line.count(r"\&") == len(lines[0]) - 1 for line in tex if "&" in line)
     assert tex[0] == r"\begin{tabular}{l" + "r" * (len(lines[0]) - 1) + "}" and tex[-1] == r"\end{tabular}"
     page = (out / "index.html").read_text(encoding="utf-8")
-    assert "copy, my_points, compared" in page and "--size 32" in page and "Kept by copy." in page
+    assert "copy, my_points, compared" in page and "--size 32" in page and "Kept by copy, my_points." in page
     assert "4-D, 4 samples" in page and "it has 2 dimensions, not 4" in page
     named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
     viewers = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]

@@ -9,7 +9,7 @@ import pytest
 from tables import Table, slow, some
 
 from qmcjax import sequences
-from qmcjax.sequences._protocol import materialized
+from qmcjax.sequences._protocol import many_points
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -120,8 +120,8 @@ def test_the_last_block_may_end_beyond_the_last_index():
 @pytest.fixture
 def small_pieces(monkeypatch):
     monkeypatch.delenv("GLIBC_TUNABLES", raising=False)
-    monkeypatch.setattr(materialized, "_LARGE", 2**10)
-    monkeypatch.setattr(materialized, "_CHUNK", 2**16)
+    monkeypatch.setattr(many_points, "_LARGE", 2**10)
+    monkeypatch.setattr(many_points, "_CHUNK", 2**16)
 
 
 @pytest.mark.parametrize("name, dtype", [("sobol(9)", jnp.float32), ("halton(2)", jnp.float64)])
@@ -142,7 +142,7 @@ def test_pieces_are_not_copied_again(small_pieces):
         made.append((first, count))
         return jnp.full((count, 2), first, jnp.float32)
 
-    rows = materialized.materialized(make, 20000, 2, jnp.float32)
+    rows = many_points.materialize(make, 20000, 2, jnp.float32)
     assert made == [(0, 8192), (8192, 8192), (16384, 3616)]
     assert np.array_equal(np.unique(np.asarray(rows)), [0, 8192, 16384])
     assert rows.unsafe_buffer_pointer() % 64 == 0
@@ -157,7 +157,7 @@ def test_pieces_are_not_made_inside_a_program(small_pieces):
 def test_the_environment_decides(small_pieces, monkeypatch):
     monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1:glibc.malloc.hugetlb=1")
     calls = []
-    materialized.materialized(
+    many_points.materialize(
         lambda first, count: calls.append(count) or jnp.zeros((count, 2)), 20000, 2, jnp.float32
     )
     assert calls == [20000]

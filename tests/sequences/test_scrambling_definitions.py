@@ -19,7 +19,7 @@ from qmcjax.core.bits import reverse
 from qmcjax.core.draws import plus_modulo_1
 from qmcjax.sequences._halton.halton import RadicalInverses
 from qmcjax.sequences._scrambling.linear_matrix_scramble import _triangular
-from qmcjax.sequences._scrambling.owen_exact import drawn_together
+from qmcjax.sequences._scrambling.owen_exact import swaps_of_a_word
 
 SCRAMBLINGS = {
     "xor": sequences.digital_shift,
@@ -320,7 +320,7 @@ def test_coordinates_together_equal_single_ones(scramble):
 def test_swaps_drawn_together_are_nearly_uniform():
     """One word has at most 2**13 outcomes, or one swap; with another swap it would have more."""
     for base in range(3, 2**13, 7):
-        count = drawn_together(base)
+        count = swaps_of_a_word(base)
         outcomes = [math.prod(range(base - k + 1, base + 1)) for k in (count, count + 1)]
         assert count == 1 or outcomes[0] <= 2**13
         assert count == base - 1 or outcomes[1] > 2**13

@@ -19,7 +19,7 @@ from qmcjax.core.bits import gray_decode, hash_word
 from qmcjax.sequences._scrambling.owen_exact import random_word
 from qmcjax.sequences._stochastic import blue_noise
 from qmcjax.sequences._stochastic.net_by_net import to_earlier
-from qmcjax.sequences._stochastic.random import permuted
+from qmcjax.sequences._stochastic.random import permute
 
 
 @pytest.mark.parametrize("n", [1, 5, *slow(2, 1000, 300_007)])
@@ -71,7 +71,7 @@ def test_where_one_number_goes_says_nothing_of_another(n):
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 31, 1023, 10007])
 def test_permutations_are_bijections(n):
     seeds = jax.random.bits(jax.random.key(n), (8,), jnp.uint32)
-    assert np.array_equal(np.sort(permuted(jnp.asarray(first(n)), n, seeds)), first(n))
+    assert np.array_equal(np.sort(permute(jnp.asarray(first(n)), n, seeds)), first(n))
 
 
 @pytest.mark.slow
@@ -136,8 +136,8 @@ def test_a_lattice_stays_where_it_is(points):
 def test_relaxation_knows_no_edges(dims):
     """Points that are shifted on the torus relax to shifted points."""
     points, offset = np.random.default_rng(1).random((80, dims)), np.full(dims, 0.37)
-    shifted = (blue_noise.relaxed(points, 3) + offset) % 1
-    difference = blue_noise.relaxed((points + offset) % 1, 3) - shifted
+    shifted = (blue_noise.relax(points, 3) + offset) % 1
+    difference = blue_noise.relax((points + offset) % 1, 3) - shifted
     assert np.max(np.abs(difference - difference.round())) < 1e-9
 
 

@@ -10,9 +10,9 @@ from qmcjax.core import checks
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.sobol_matrix import (
     DirectionNumbers,
-    checked_numbers,
     columns_of,
     joe_kuo_numbers,
+    validate_numbers,
 )
 from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
 
@@ -93,7 +93,7 @@ def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
     for place, line in enumerate(lines):
         try:
             pair = (known[place].polynomial, line.values) if known else _parsed(line.values, first + place)
-            numbers.append(checked_numbers(*pair))
+            numbers.append(validate_numbers(*pair))
         except ValueError as error:
             raise ValueError(f"{file.path}, line {line.number}, {error}") from None
     return tuple(numbers)
@@ -127,7 +127,7 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
     """
     rows = [
         (d, len(initial), (polynomial ^ 1 << len(initial)) >> 1, *initial)
-        for d, (polynomial, initial) in enumerate(_checked(numbers), start=2)
+        for d, (polynomial, initial) in enumerate(_validate_pairs(numbers), start=2)
     ]
     return "\n".join([_HEAD, *(" ".join(map(str, row)) for row in rows), ""])
 
@@ -153,7 +153,7 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
      [0.25 0.75 0.75]
      [0.75 0.25 0.25]]
     """
-    return digital(np.concatenate([_IDENTITY[None], columns_of(_checked(numbers))]))
+    return digital(np.concatenate([_IDENTITY[None], columns_of(_validate_pairs(numbers))]))
 
 
 def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
@@ -227,7 +227,7 @@ def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
         return None
     initial = [column >> (31 - k) for k, column in enumerate(columns[:degree])]
     try:
-        numbers = checked_numbers(1 << degree | middle | 1, initial)
+        numbers = validate_numbers(1 << degree | middle | 1, initial)
     except ValueError:
         return None
     return numbers if columns_of([numbers])[0].tolist() == columns else None
@@ -241,7 +241,7 @@ def _reduced(vector: int, chosen: int, basis: list[tuple[int, int]]) -> tuple[in
     return vector, chosen
 
 
-def _checked(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> list[DirectionNumbers]:
+def _validate_pairs(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> list[DirectionNumbers]:
     wanted = "pairs of a polynomial and initial numbers"
     try:
         pairs = [(polynomial, initial) for polynomial, initial in numbers]
@@ -252,7 +252,7 @@ def _checked(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> list[D
     checked = []
     for place, (polynomial, initial) in enumerate(pairs):
         try:
-            checked.append(checked_numbers(polynomial, initial))
+            checked.append(validate_numbers(polynomial, initial))
         except (TypeError, ValueError) as error:
             raise type(error)(f"numbers must be {wanted}; number {place}: {error}") from None
     return checked

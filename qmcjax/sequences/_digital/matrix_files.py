@@ -33,7 +33,7 @@ def components(file: IntegerFile) -> tuple[IntegerFile, int]:
     return file._replace(lines=lines[2:]), factor
 
 
-def interlaced(words: NDArray[np.uint32], factor: int) -> NDArray[np.uint32]:
+def interlace(words: NDArray[np.uint32], factor: int) -> NDArray[np.uint32]:
     """Return matrices whose rows are those of ``factor`` consecutive matrices in turn, (dims, 32)."""
     matrices = np.zeros((len(words) // factor, WORD), np.uint32)
     for row in range(WORD):
@@ -156,12 +156,12 @@ def read_matrices(
         _check_base(file, file.heading.number, int(stated) if stated.isdigit() else 2, base)
         file, factor = components(file)
         words = _of_columns(file, 3, file.header(3, "dimensions, columns, rows"), base, upward=False)
-        return words if factor == 1 else interlaced(words, factor)
+        return words if factor == 1 else interlace(words, factor)
     if kind in ("plattice", "sobol", "soboljk"):
         _check_base(file, file.heading.number, 2, base)
         file, factor = components(file)
         words = polynomial_lattice(file) if kind == "plattice" else sobol_of(numbers_of(file)).matrices
-        return interlaced(np.array(words), factor)
+        return interlace(np.array(words), factor)
     if kind:
         raise wrong(file.path, file.heading.number, "a heading of generator matrices", file.heading.text)
     return _alone(file, given)

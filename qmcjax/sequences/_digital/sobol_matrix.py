@@ -42,7 +42,7 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     >>> print(bool((sobol_matrix(0b111, [1, 3]) == sequences.sobol(3).matrices[2]).all()))
     True
     """
-    numbers = checked_numbers(polynomial, initial)
+    numbers = validate_numbers(polynomial, initial)
     return jnp.asarray(columns_of([numbers])[0])
 
 
@@ -55,7 +55,7 @@ class DirectionNumbers(NamedTuple):
     """The odd numbers m_1, ..., m_s: m_k is less than 2**k."""
 
 
-def checked_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
+def validate_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
     """Return direction numbers, or raise an error that names ``polynomial`` or ``initial``."""
     polynomial = checks.integer("polynomial", polynomial, 2, 2**33 - 1)
     if not _is_irreducible(polynomial):

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.draws import plus_modulo_1
-from qmcjax.sequences._protocol.materialized import materialized
+from qmcjax.sequences._protocol.many_points import materialize
 
 FEW = 8
 """Up to so many coordinates are computed one by one and stacked last: the compiler then sees elementwise
@@ -200,7 +200,7 @@ class Sequence(abc.ABC):
             raise ValueError(f"start + n must be at most {self.limit}, got {start} + {n}")
         dtype = checks.floating(dtype)
         with checks.precision(dtype):
-            return materialized(self._maker(start, n, dtype), n, self.dims, dtype)
+            return materialize(self._maker(start, n, dtype), n, self.dims, dtype)
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         """Return a function of (first, count) for points start + first, ..., with count at least ROWS."""

@@ -15,7 +15,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import FEW, Sequence
-from qmcjax.sequences._protocol.materialized import ROWS
+from qmcjax.sequences._protocol.many_points import ROWS
 
 Map = Callable[[Array], Array]
 

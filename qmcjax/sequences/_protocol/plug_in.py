@@ -52,12 +52,12 @@ class PlugIn(Sequence):
         call = plug_ins.unwrap(self.wrapped)
         with checks.precision(dtype):
             if self.selects:
-                return _checked(call(index, dims=dims, dtype=dtype), index, len(dims), dtype)
-            points = _checked(call(index), index, self.dims, None).astype(dtype)
+                return _validate_points(call(index, dims=dims, dtype=dtype), index, len(dims), dtype)
+            points = _validate_points(call(index), index, self.dims, None).astype(dtype)
             return points if dims == tuple(range(self.dims)) else points[..., np.array(dims)]
 
 
-def _checked(points: Any, index: Array, dims: int, dtype: DTypeLike | None) -> Array:
+def _validate_points(points: Any, index: Array, dims: int, dtype: DTypeLike | None) -> Array:
     """Return points, or raise a ValueError unless they have the right shape and dtype."""
     wanted = (*index.shape, dims)
     found = getattr(points, "dtype", None)

@@ -39,13 +39,13 @@ class OwenExactDigits(ScrambledDigits):
             rest, unit, leading = carry
             upper = quotient(rest, base)
             node = node_of(first - rest * unit, seeds)
-            scrambled = permuted(rest - upper * word(base), node, k, base, seeds)
+            scrambled = permute(rest - upper * word(base), node, k, base, seeds)
             return upper, unit * word(base), leading * word(base) + scrambled
 
         *start, _ = alike((first, jnp.asarray(word(1 + 0 * base)), jnp.zeros_like(first), seeds))
         leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, tuple(start))[2]
         node = node_of(first, seeds)
-        scrambled = permuted(last, node, jnp.uint32(count - 1), base, seeds)
+        scrambled = permute(last, node, jnp.uint32(count - 1), base, seeds)
         # After the last digit all are 0: their images belong to the child of this node, and to no other
         # point.
         tail = random_word_of(node, jnp.uint32(count), last, seeds)
@@ -75,7 +75,7 @@ def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Arr
     return hash_word(node + hash_word(number ^ seeds[..., 1])) ^ node
 
 
-def drawn_together(top: int) -> int:
+def swaps_of_a_word(top: int) -> int:
     """Return how many swaps of a permutation of ``top`` digits one random word draws."""
     together = 1
     while together < top - 1 and np.prod(top - np.arange(together + 1)) <= _DRAWN:
@@ -83,10 +83,10 @@ def drawn_together(top: int) -> int:
     return together
 
 
-def permuted(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
+def permute(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -> Array:
     """Return the image of a digit under a uniform random permutation: Fisher-Yates swaps, from the top."""
     top = np.max(base)
-    together = drawn_together(top)
+    together = swaps_of_a_word(top)
     above = word(base - 1)
 
     def swap(which: Array, position: Array) -> Array:

@@ -15,7 +15,7 @@ Points = NDArray[np.float64]
 """Of shape (n, d); and moments of their cells."""
 
 
-def relaxed(points: Points, iterations: int) -> Points:
+def relax(points: Points, iterations: int) -> Points:
     """Return the points after some iterations, in [0, 1)."""
     for _ in range(iterations):
         points = centroids(points)
@@ -181,4 +181,4 @@ def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulate
     n = checks.integer("n", n, 1, 2**20)
     dims = checks.integer("dims", dims, 2, 3)
     iterations = checks.integer("iterations", iterations, 0, 10_000)
-    return tabulated_words(relaxed(_generator(key).random((n, dims)), iterations))
+    return tabulated_words(relax(_generator(key).random((n, dims)), iterations))

@@ -17,7 +17,7 @@ from qmcjax.sequences._digital.digital import Digital
 from qmcjax.sequences._digital.prime_digital import PrimeDigital
 from qmcjax.sequences._halton.halton import RadicalInverses
 from qmcjax.sequences._protocol.plug_in import Tabulated
-from qmcjax.sequences._scrambling.owen_exact import node_of, permuted, random_word, random_word_of
+from qmcjax.sequences._scrambling.owen_exact import node_of, permute, random_word, random_word_of
 from qmcjax.sequences._stochastic.best_candidate import best_candidates
 from qmcjax.sequences._stochastic.random import first_fraction
 
@@ -70,13 +70,13 @@ def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
     count = _resolved(base)
     index = jax.lax.iota(jnp.uint32, n)
 
-    def drawn(which: int, number: int) -> Array:
+    def draw(which: int, number: int) -> Array:
         random = random_word_of(node_of(index, seeds), jnp.uint32(which), jnp.uint32(0), seeds)
         return high_product(random, jnp.full_like(random, np.uint32(number)))
 
-    behind = drawn(_BEHIND, base ** (count - 1))
+    behind = draw(_BEHIND, base ** (count - 1))
     # The digits of all points, as integers below base**count.
-    points = drawn(_DIGIT, base)[:1] * word(base ** (count - 1)) + behind[:1]
+    points = draw(_DIGIT, base)[:1] * word(base ** (count - 1)) + behind[:1]
     size = 1
     for k in range(count):
         if size >= n:
@@ -84,7 +84,7 @@ def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
         total = min(size * (base - 1), n - size)
         top = np.uint32(1) + jax.lax.iota(jnp.uint32, -(-total // size))
         earlier = _earlier(top, shifts[k], base, k).ravel()[:total]
-        added = np.uint32(1) + permuted(
+        added = np.uint32(1) + permute(
             jnp.repeat(top, size)[:total] - np.uint32(1),
             node_of(earlier, seeds),
             jnp.uint32(k),
@@ -181,11 +181,11 @@ def net_by_net(
         )
     if isinstance(sequence, PrimeDigital) and isinstance(sequence.tables, Tracer):
         raise ValueError("sequence must be known before tracing unless in base 2, got a tracer in it")
-    n, candidates = checked_sizes(n, sequence.dims, candidates)
+    n, candidates = validate_sizes(n, sequence.dims, candidates)
     if isinstance(sequence, Digital):
         if candidates > 1 and sequence.dims < 2:
             raise ValueError("sequence must have at least 2 dimensions for candidates > 1, got 1")
-        return drawn(to_earlier(sequence.matrices), checks.prng_key("key", key), n, candidates)
+        return draw(to_earlier(sequence.matrices), checks.prng_key("key", key), n, candidates)
     if candidates > 1:
         raise ValueError(f"candidates must be 1 unless the sequence is digital in base 2, got {candidates}")
     seeds = _seeds(checks.prng_key("key", key), sequence.dims)
@@ -198,7 +198,7 @@ def net_by_net(
     return Tabulated(jnp.stack(columns, axis=1))
 
 
-def checked_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
+def validate_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
     """Return the numbers of points and of candidates, or raise a ValueError."""
     n = checks.integer("n", n, 1, MOST_POINTS)
     if n * dims > MOST_COORDINATES:
@@ -206,7 +206,7 @@ def checked_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
     return n, checks.integer("candidates", candidates, 1, MOST_CANDIDATES)
 
 
-def drawn(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
+def draw(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
     """Draw points in base 2, with ``steps`` from :func:`to_earlier`."""
     seeds = _seeds(key, steps.shape[0])
     words = _words(steps, seeds, n)

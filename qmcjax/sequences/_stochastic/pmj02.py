@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks, draws
 from qmcjax.sequences._protocol.plug_in import Tabulated
-from qmcjax.sequences._stochastic.net_by_net import checked_sizes, drawn, to_earlier
+from qmcjax.sequences._stochastic.net_by_net import draw, to_earlier, validate_sizes
 
 
 def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
@@ -54,12 +54,12 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     >>> print(((points[0] < 0.5) != (points[1] < 0.5)).tolist())
     [True, True]
     """
-    n, candidates = checked_sizes(n, 2, candidates)
+    n, candidates = validate_sizes(n, 2, candidates)
     choices_key, points_key = draws.split(checks.prng_key("key", key))
     # If the factor is x + 1 instead of x, digit 2 k + 1 of the index is added to digit 2 k.
     choices = draws.bits(choices_key, (), jnp.uint32) & np.uint32(0x55555555)
     steps = jnp.asarray(_steps())
-    return drawn(steps ^ (steps >> 1 & choices), points_key, n, candidates)
+    return draw(steps ^ (steps >> 1 & choices), points_key, n, candidates)
 
 
 @cache

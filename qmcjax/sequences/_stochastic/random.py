@@ -168,7 +168,7 @@ class LatinHypercube(WordFirst):
     def word(self, index: Array, dim: int) -> Array:
         seeds = self.seeds[dim]
         jitter = hash_word(hash_word(index ^ seeds[0]) + seeds[1])
-        stratum = permuted(index, self.n, seeds[2:])
+        stratum = permute(index, self.n, seeds[2:])
         with jax.enable_x64(True):
             first = first_fraction(stratum.astype(jnp.uint64), self.n)
             count = first_fraction(stratum.astype(jnp.uint64) + np.uint64(1), self.n) - first
@@ -181,7 +181,7 @@ def first_fraction(stratum: Array, n: int) -> Array:
 
 
 @partial(jax.jit, static_argnames="n")
-def permuted(index: Array, n: int, seeds: Array) -> Array:
+def permute(index: Array, n: int, seeds: Array) -> Array:
     """Permute the numbers below n, at random access.
 
     A number is a column and a row of a grid of at least n cells. Alternately, each row and each column is

@@ -23,7 +23,7 @@ ROWS = 256
 """Number of rows that divides the starts of chunks."""
 
 
-def materialized(make: Callable[[int, int], Array], n: int, dims: int, dtype: np.dtype) -> Array:
+def materialize(make: Callable[[int, int], Array], n: int, dims: int, dtype: np.dtype) -> Array:
     """Return rows 0 to n - 1 of ``make(first, count)``.
 
     The first touch of a new 4 KiB page costs more than the arithmetic of most sequences. NumPy requests large

@@ -22,6 +22,7 @@ NOT_HANDED_ON = {
     "figures.thesis": "figures", "figures.z": "figures",
     "qmcjax.choosing": "handed on by qmcjax", "qmcjax.core": "of no use outside",
     "qmcjax.integration": "handed on by qmcjax", "qmcjax.rendering": "handed on by qmcjax",
+    "qmcjax.tracing.search": "handed on by qmcjax.tracing, where of use outside",
     "qmcjax.scenes.traced": "handed on by qmcjax.scenes, but for how references are stored",
 }
 # fmt: on

@@ -32,7 +32,9 @@ html_static_path = ["_static"]
 html_css_files = ["pictures.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
-_WIDE = "index tutorial howto which_sampler contents long_runs stability house ledger notebooks"
+_WIDE = """
+index tutorial howto which_sampler contents long_runs stability house ledger notebooks papers examples/index
+"""
 html_sidebars = {page: [] for page in _WIDE.split()}
 html_theme_options = {
     "navigation_with_keys": False,

@@ -1,4 +1,4 @@
-"""``.. ledger::``: what the papers claim and what came out; ``.. gallery::``: pictures, if there are any.
+"""``.. ledger::``: what the papers claim and what came out; ``.. gallery::``, ``.. examples::``: thumbnails.
 
 Verdicts are those that are stored in paper quality, else those of the figures in the folder above.
 """
@@ -69,6 +69,22 @@ class Gallery(SphinxDirective):
         return [nodes.raw("", text, format="html")] if links else []
 
 
+class Examples(SphinxDirective):
+    """Thumbnails of the pages beside this one, each with its first picture."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return them in the order of the table of contents."""
+        pages = Path(self.get_source_info()[0]).read_text(encoding="utf-8").split(":hidden:")[1].split()
+        links = [
+            f'<a href="{page}.html"><img src="../_images/examples-{page}-0.png" alt="">{title}</a>'
+            for page in pages
+            for title in [
+                Path(self.env.srcdir, "examples", f"{page}.rst").read_text(encoding="utf-8").split("\n")[0]
+            ]
+        ]
+        return [nodes.raw("", f'<div class="gallery">{"".join(links)}</div>', format="html")]
+
+
 class Ledger(SphinxDirective):
     """The table of each paper, below what came out in all."""
 
@@ -96,6 +112,7 @@ class Ledger(SphinxDirective):
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
+    app.add_directive("examples", Examples)
     app.add_directive("gallery", Gallery)
     app.add_directive("ledger", Ledger)
     return {"parallel_read_safe": True}

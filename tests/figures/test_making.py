@@ -18,6 +18,7 @@ import pytest
 from projects import GOOD, Project, of_figures, wait_for
 from refusals import refused
 
+from figures.catalogue import CATALOGUE
 from figures.making import compiled_programs, finished_cells, store, updating, workers
 from figures.making.fingerprint import fingerprint, sources
 from figures.making.schema import check_numbers
@@ -63,7 +64,7 @@ def test_tasks_run_side_by_side_but_those_that_are_to_be_alone(tmp_path, monkeyp
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked on Linux only")
 def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_backend():
-    tasks = [Task(name, f"figures.{name}", "draft") for name in ("z.z_2", "thesis.thesis_5_2")]
+    tasks = [Task(name, CATALOGUE[name].module, "draft") for name in ("z-2", "thesis-5.2")]
     methods = [
         workers._context(each).get_start_method() for each in (tasks, [*tasks, Task("b", "fakes.b", "draft")])
     ]

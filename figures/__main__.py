@@ -24,7 +24,7 @@ from figures.making.updating import plan, update, warn
 from qmcjax.core import packages
 
 COMMANDS = {
-    "compare": "figures.comparing.command",
+    "compare": "figures.compare.command",
     "export": "figures.commands.export",
     "keep": "figures.commands.keep",
 }

@@ -18,13 +18,13 @@ import pytest
 from analysis import ComparisonRow
 from figures import _cpp, ledger, plot
 from figures.__main__ import main
-from figures.comparing import command, entries, measuring, pictures, report, scores, tasks
-from figures.comparing.entries import NotSupportedError, of_program, read
-from figures.comparing.measuring import frame_errors
-from figures.comparing.mitsuba import at_equal_time
-from figures.comparing.samplers import parse
-from figures.comparing.scores import Measured, Score
-from figures.comparing.tasks import Ground, Size
+from figures.compare import command, entries, measuring, pictures, report, scores, tasks
+from figures.compare.entries import NotSupportedError, of_program, read
+from figures.compare.measuring import frame_errors
+from figures.compare.mitsuba import at_equal_time
+from figures.compare.samplers import parse
+from figures.compare.scores import Measured, Score
+from figures.compare.tasks import Ground, Size
 from figures.making import web_images
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS

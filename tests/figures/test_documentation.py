@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 
 # fmt: off
 NOT_HANDED_ON = {
-    "analysis.tables": "programs", "figures": "rooms of figures", "figures.comparing": "for the command line",
+    "analysis.tables": "programs", "figures": "rooms of figures", "figures.compare": "for the command line",
     "figures.playground": "for the page",
     "figures.commands": "for the command line", "figures.docs": "this",
     "figures.hilbert": "figures", "figures.making": "for the command line",

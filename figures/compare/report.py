@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from analysis import Comparison, ComparisonRow
-from figures.comparing import pictures, scores
-from figures.comparing.measuring import Run
-from figures.comparing.scores import BASE, EQUAL_TIME, FORMAT, IN_TIME, NAMES, ON_SCREEN, SETS, Ratios, Score
-from figures.comparing.tasks import scene
+from figures.compare import pictures, scores
+from figures.compare.measuring import Run
+from figures.compare.scores import BASE, EQUAL_TIME, FORMAT, IN_TIME, NAMES, ON_SCREEN, SETS, Ratios, Score
+from figures.compare.tasks import scene
 from figures.making import store, this_machine, web_images
 from figures.page import SCRIPT, Markup, fill, join, playground, playground_script, quantity, static, viewer
 from figures.playground import playground as translate

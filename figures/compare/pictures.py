@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 
 from analysis import ComparisonRow
 from figures import plot
-from figures.comparing.scores import BASE, MEASURES, Ratios, Score, class_means, families
-from figures.comparing.tasks import SCENE_CLASSES
+from figures.compare.scores import BASE, MEASURES, Ratios, Score, class_means, families
+from figures.compare.tasks import SCENE_CLASSES
 from figures.shared.rivals import RIVALS
 
 DRAWN = ("rms", "filtered")

@@ -1,4 +1,4 @@
-"""Images of Mitsuba 3 for a comparison: ``python -m figures.comparing.mitsuba_process``.
+"""Images of Mitsuba 3 for a comparison: ``python -m figures.compare.mitsuba_process``.
 
 The task comes in JSON at standard input: the path of a ``scene``, the longer ``side`` of its images, numbers
 of samples ``spps``, the number of ``keys``, ``samplers`` as the command line names entries, the number of
@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from figures.comparing.entries import MITSUBA, Entry
-from figures.comparing.samplers import parse
+from figures.compare.entries import MITSUBA, Entry
+from figures.compare.samplers import parse
 from figures.making import store
 from figures.shared.costs import timed
 from figures.shared.mitsuba_runs import mitsuba_scenes

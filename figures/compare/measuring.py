@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 import analysis
 from analysis import ComparisonRow
 from figures._errors import rms
-from figures.comparing.entries import Entry, NotSupportedError, reason
-from figures.comparing.scores import IN_TIME, MEASURES, Measured
-from figures.comparing.tasks import Ground, Size
+from figures.compare.entries import Entry, NotSupportedError, reason
+from figures.compare.scores import IN_TIME, MEASURES, Measured
+from figures.compare.tasks import Ground, Size
 from figures.making import finished_cells
 from figures.making.fingerprint import fingerprint
 from figures.page import quantity

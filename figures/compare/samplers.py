@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from figures.comparing import entries
-from figures.comparing.entries import Entry, Make, NotSupportedError, reason
+from figures.compare import entries
+from figures.compare.entries import Entry, Make, NotSupportedError, reason
 from figures.shared.imported_objects import import_object
 from figures.shared.rivals import RIVALS
 from qmcjax import samplers, sequences

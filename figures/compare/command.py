@@ -12,11 +12,11 @@ from tqdm import tqdm
 
 import analysis
 from figures._options import command, count
-from figures.comparing import mitsuba, report, samplers
-from figures.comparing.entries import Entry, NotSupportedError, available, of_program
-from figures.comparing.measuring import Run
-from figures.comparing.scores import BASE
-from figures.comparing.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size, reference
+from figures.compare import mitsuba, report, samplers
+from figures.compare.entries import Entry, NotSupportedError, available, of_program
+from figures.compare.measuring import Run
+from figures.compare.scores import BASE
+from figures.compare.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size, reference
 from figures.making import store, web_images
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS
@@ -128,7 +128,7 @@ def _parser() -> argparse.ArgumentParser:
 An entry is module:name, a sampler, a sequence, or a function that makes one from those of
 {", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for
 in the current folder, too. Or a file of points (.npy, text), in every pixel with a random rotation; or a
-name. A program writes its points to standard output: see figures/comparing/entries.py for the protocol.
+name. A program writes its points to standard output: see figures/compare/entries.py for the protocol.
 
 of the library: {", ".join(RIVALS)}
 of others here: {", ".join(available())}

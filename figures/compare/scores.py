@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import ComparisonRow
-from figures.comparing import tasks
-from figures.comparing.tasks import Task
+from figures.compare import tasks
+from figures.compare.tasks import Task
 from qmcjax.core import student
 
 MEASURES = {

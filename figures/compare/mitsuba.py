@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis import ComparisonRow
-from figures.comparing import mitsuba_process
-from figures.comparing.entries import MITSUBA, Entry
-from figures.comparing.measuring import Run
-from figures.comparing.scores import EQUAL_TIME
-from figures.comparing.tasks import DIMS, OF_MITSUBA, Size, Task
+from figures.compare import mitsuba_process
+from figures.compare.entries import MITSUBA, Entry
+from figures.compare.measuring import Run
+from figures.compare.scores import EQUAL_TIME
+from figures.compare.tasks import DIMS, OF_MITSUBA, Size, Task
 from figures.making import this_machine
 from figures.shared.mitsuba_runs import mitsuba_scenes
 

@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 import analysis
 from figures._options import command, count
-from figures.compare import mitsuba, report, samplers
+from figures.compare import mitsuba_tasks, report, samplers
 from figures.compare.entries import Entry, NotSupportedError, available, of_program
 from figures.compare.measuring import Run
 from figures.compare.scores import BASE
@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         with tqdm(total=run.steps(), disable=None) as bar:
             run.measure(given.out, bar.update)
             for path in given.mitsuba:
-                mitsuba.render(run, path, given.out)
+                mitsuba_tasks.render(run, path, given.out)
                 bar.update()
     except KeyboardInterrupt:
         print(f"interrupted: the same command goes on with what is in {given.out}", file=sys.stderr)

@@ -21,7 +21,7 @@ from figures.__main__ import main
 from figures.compare import command, entries, measuring, pictures, report, scores, tasks
 from figures.compare.entries import NotSupportedError, of_program, read
 from figures.compare.measuring import frame_errors
-from figures.compare.mitsuba import at_equal_time
+from figures.compare.mitsuba_tasks import at_equal_time
 from figures.compare.samplers import parse
 from figures.compare.scores import Measured, Score
 from figures.compare.tasks import Ground, Size

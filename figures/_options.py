@@ -164,9 +164,10 @@ def advice(name: str, catalogue: Mapping[str, Entry]) -> str:
 def listing(names: Collection[str], catalogue: Mapping[str, Entry]) -> str:
     """Return names and titles by paper; a star marks those that have no draft."""
     width = max(map(len, names)) + 1
-    groups: dict[str, list[str]] = {title: [] for title in PAPERS.values()}
+    groups: dict[str, list[str]] = {paper.subject: [] for paper in PAPERS.values()}
     for name in names:
-        title = PAPERS.get(name.partition("-")[0], "Our own, by --all")
+        paper = PAPERS.get(name.partition("-")[0])
+        title = paper.subject if paper else "Our own, by --all"
         mark = "*" if name in NO_DRAFT else ""
         groups.setdefault(title, []).append(f"  {name + mark:<{width}}  {catalogue[name].title}")
     listed = [line for title, lines in groups.items() if lines for line in (f"{title}:", *lines)]

@@ -14,10 +14,37 @@ class Entry(NamedTuple):
     long: bool = False
 
 
+class Paper(NamedTuple):
+    """A paper: what we call it, and how it is cited."""
+
+    subject: str
+    authors: str
+    title: str
+    published: str
+    doi: str = ""
+
+
 PAPERS = {
-    "hilbert": "Rendering along the Hilbert curve",
-    "z": "The Z-sampler",
-    "thesis": "Motion blur, the thesis",
+    "hilbert": Paper(
+        "Rendering along the Hilbert curve",
+        "A. Keller, C. Wächter, N. Binder",
+        "Rendering along the Hilbert Curve",
+        "in Advances in Modeling and Simulation: Festschrift for Pierre L'Ecuyer, 2022",
+        "10.1007/978-3-031-10193-9_16",
+    ),
+    "z": Paper(
+        "The Z-sampler",
+        "A. G. M. Ahmed, P. Wonka",
+        "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels",
+        "ACM Transactions on Graphics 39(6), 2020",
+        "10.1145/3414685.3417881",
+    ),
+    "thesis": Paper(
+        "Motion blur, the thesis",
+        "L. Grünschloß",
+        "Motion Blur",
+        "diploma thesis, Ulm University, 2008",
+    ),
 }
 """The papers, by what the names of their figures begin with."""
 

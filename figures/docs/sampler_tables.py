@@ -14,8 +14,8 @@ from sphinx.util.docutils import SphinxDirective
 
 import qmcjax as qj
 from figures import ledger
-from figures.docs.sampler_errors import error_tables, safest_sampler
 from figures.docs.tables import table
+from figures.shared.sampler_errors import error_tables, safest_sampler
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
 SMALL = 4096

@@ -13,12 +13,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, NamedTuple
 
-PAPERS = {
-    "hilbert": "Keller, Wächter, Binder: Rendering along the Hilbert Curve",
-    "z": "Ahmed, Wonka: Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical "
-    "Ordering of Pixels",
-    "thesis": "Grünschloß: Motion Blur",
-}
+from figures import catalogue
+
+PAPERS = {name: f"{paper.authors}: {paper.title}" for name, paper in catalogue.PAPERS.items()}
 """The names of the files, and of the papers."""
 
 FILE = Path(__file__).with_name("measured.json")

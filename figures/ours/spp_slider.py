@@ -1,6 +1,6 @@
 """One scene by eight samplers, from 1 to 256 samples per pixel: images for the page's slider, and errors.
 
-With it goes what the page's playground renders with, which needs no images.
+With it go what the page's playground renders with, which needs no images, and measured errors of samplers.
 """
 
 from collections.abc import Callable
@@ -13,6 +13,7 @@ import qmcjax as qj
 from figures import plot
 from figures._errors import rms
 from figures.playground import ours
+from figures.shared.sampler_errors import which_sampler
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
@@ -69,5 +70,5 @@ def make(
         title=f"The checkerboard, {SIDE} x {SIDE} pixels, one key",
         ax=figure.subplots(),
     )
-    handed = {"playground.js": ours(SIDE).script.encode()}
+    handed = {"playground.js": ours(SIDE).script.encode(), "which.html": which_sampler().encode()}
     return figure, {"measured": measured, "note": NOTE}, images, handed

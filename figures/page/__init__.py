@@ -1,10 +1,10 @@
 """The pages beside the figures, from ``index.html`` on: samplers, verdicts, pictures, images side by side."""
 
+from figures._markup import Markup as Markup
+from figures._markup import fill as fill
+from figures._markup import join as join
 from figures.page._figures import viewer as viewer
-from figures.page._html import Markup as Markup
-from figures.page._html import fill as fill
 from figures.page._html import href as href
-from figures.page._html import join as join
 from figures.page._html import quantity as quantity
 from figures.page._html import static as static
 from figures.page._ledger import assess as assess

@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from figures import ledger
-from figures.catalogue import NO_DRAFT
+from figures._markup import Markup, fill, join
+from figures.catalogue import NO_DRAFT, PAPERS
 from figures.making import store
 from figures.page import _ledger
-from figures.page._html import PARTS, Markup, fill, join, png_size, quantity, script_safe
+from figures.page._html import PARTS, png_size, quantity, script_safe
 from figures.page._ledger import measurement, said
 
 VIEWER = """
@@ -56,28 +57,29 @@ def _component(template: str, folder: Path, name: str, title: str, images: Mappi
 PART = """
 <section class="part">
 <h1>$title</h1>
+$citation
 <p class="verdicts">$summary</p>
-<ol class="contents">$contents</ol>
 </section>
-$first
 <div class="figures">$figures</div>
 """
 
-CONTENT = (
-    '<li><a href="#$name"><span class="id">$name</span> $title</a> <span class="marks">$marks</span></li>'
-)
+CITATION = '<p class="citation">$authors: <cite>$title</cite>, $published$link</p>'
+
+LINK = ', <a href="https://doi.org/$doi">doi:$doi</a>'
 
 FIGURE = """
-<article class="figure" id="$name">
-<header><p class="id"><a href="#$name">$name</a> $badges</p>
-<h3>$title</h3></header>
+<article class="figure" id="$name"><details>
+<summary>$thumbnail <span class="id">$name $badges</span>
+<h3>$title</h3> <span class="marks">$marks</span></summary>
 $picture
 $moving
 $images
 $claims
 $made
-</article>
+</details></article>
 """
+
+THUMBNAIL = '<img class="thumbnail" src="$name.webp" alt="" loading="lazy">'
 
 CLAIMS = """\
 <details class="claims"><summary>$count <span class="verdicts">$summary</span></summary>
@@ -122,31 +124,42 @@ class Shown(NamedTuple):
     """Whether the last run could not make it anew."""
 
 
-def part(
-    folder: Path, name: str, figures: Sequence[Shown], counted: Mapping[str, int], first: Markup | str = ""
-) -> Markup:
+def part(folder: Path, name: str, figures: Sequence[Shown], counted: Mapping[str, int]) -> Markup:
     """Return the content of the page of a paper with counts of its verdicts, or of our own figures."""
     return fill(
         PART,
         title=PARTS[name],
         summary=_ledger.summary(counted, name),
-        contents=join(_content(figure) for figure in figures),
-        first=first,
+        citation=citation(name),
         figures=join(_figure(folder, figure) for figure in figures),
     )
+
+
+def citation(name: str) -> Markup:
+    """Return who wrote a paper, and where it is; nothing for our own figures."""
+    if name not in PAPERS:
+        return Markup("")
+    paper = PAPERS[name]
+    link = fill(LINK, doi=paper.doi) if paper.doi else ""
+    return fill(CITATION, authors=paper.authors, title=paper.title, published=paper.published, link=link)
+
+
+def thumbnail(folder: Path, name: str) -> Markup:
+    """Return the picture of a figure as a small one, or an empty place for it."""
+    made = (folder / f"{name}.webp").is_file()
+    return fill(THUMBNAIL if made else '<span class="thumbnail"></span>', name=name)
 
 
 def _count_verdicts(figure: Shown) -> dict[str, int]:
     return _ledger.counts(finding.verdict for finding in figure.findings)
 
 
-def _content(figure: Shown) -> Markup:
-    mark = '<i class="$verdict">$sign$count</i>'
-    marks = join(
+def _marks(figure: Shown) -> Markup:
+    mark = '<i class="$verdict" title="$verdict">$sign$count</i>'
+    return join(
         fill(mark, verdict=verdict, sign=_ledger.VERDICTS[verdict][0], count=count)
         for verdict, count in _count_verdicts(figure).items()
     )
-    return fill(CONTENT, name=figure.name, title=figure.title, marks=marks)
 
 
 def _figure(folder: Path, figure: Shown) -> Markup:
@@ -160,7 +173,14 @@ def _figure(folder: Path, figure: Shown) -> Markup:
         except _ledger.UNREADABLE as error:
             shown["picture"] = fill(DAMAGED, command=command(name), error=type(error).__name__)
     return fill(
-        FIGURE, name=name, title=figure.title, badges=_badges(figure), claims=_claims(figure), **shown
+        FIGURE,
+        name=name,
+        title=figure.title,
+        thumbnail=thumbnail(folder, name),
+        badges=_badges(figure),
+        marks=_marks(figure),
+        claims=_claims(figure),
+        **shown,
     )
 
 

@@ -1,36 +1,12 @@
-"""HTML by templates that escape what they are given, and where things are: the pages and their figures."""
+"""Where things are: the pages, their own files, and their figures."""
 
-import html
 import re
 import struct
-from collections.abc import Iterable
 from importlib import resources
 from pathlib import Path
-from string import Template
-from typing import Any
 
+from figures._markup import Markup
 from figures.catalogue import PAPERS
-
-
-class Markup(str):
-    """HTML as it is, not to be escaped again."""
-
-
-def fill(template: str, **values: Any) -> Markup:
-    """Return a ``string.Template`` with values in place of its names, escaped unless they are `Markup`.
-
-    Iterables of markup are put together.
-    """
-    return Markup(Template(template).substitute({name: _text(value) for name, value in values.items()}))
-
-
-def join(parts: Iterable[Markup]) -> Markup:
-    """Put pieces of markup together."""
-    return Markup("\n".join(parts))
-
-
-def _text(value: Any) -> str:
-    return value if isinstance(value, Markup) else html.escape(str(value))
 
 
 def static(name: str) -> str:
@@ -60,16 +36,18 @@ def quantity(count: int, noun: str) -> str:
 
 PAGES = {
     "index": "Overview",
+    "which": "Which sampler?",
     "ledger": "Claims",
     "hilbert": "Hilbert curve",
     "z": "Z-sampler",
     "thesis": "Motion blur",
     "ours": "Our measurements",
     "sampler": "Your sampler",
+    "documentation": "Documentation",
 }
 """Names of files, and what the navigation calls them."""
 
-PARTS = PAPERS | {"ours": "Our own measurements"}
+PARTS = {name: paper.subject for name, paper in PAPERS.items()} | {"ours": "Our own measurements"}
 """Titles of the pages that have figures."""
 
 

@@ -6,7 +6,8 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from figures import ledger
-from figures.page._html import Markup, fill, href, join
+from figures._markup import Markup, fill, join
+from figures.page._html import href
 
 VERDICTS = {
     "reproduced": ("✓", "came out as the paper says"),
@@ -125,8 +126,8 @@ SECTION = """
 <section id="ledger" aria-labelledby="ledger-title">
 <h1 id="ledger-title">What the papers claim, and what came out</h1>
 <p class="lead">$total of three papers, in our words. Each verdict is computed from the numbers of a figure,
-or by a test that has to pass. Figures have the papers' sentences, the criteria and all that was measured.
-$rest</p>
+or by a test that has to pass. Each figure quotes the paper, and has the criteria and all that was measured.
+What differs comes first. $rest</p>
 $bar
 <div class="controls">
 <div class="chips" role="group" aria-label="Show one verdict only">$chips</div>
@@ -138,17 +139,18 @@ $bar
 <thead><tr>$heads</tr></thead>
 <tbody>$rows</tbody>
 </table>
+<p><button type="button" id="ledger-more" hidden></button></p>
 $questions
 </section>
 """
 
 QUESTIONS = """
-<h3 id="questions">Our own questions</h3>
+<details id="questions"><summary><b>Our own questions</b></summary>
 <p>No sentence of the papers says these: their answers count neither for nor against a paper.</p>
 <table class="ledger">
 <thead><tr>$heads</tr></thead>
 <tbody>$rows</tbody>
-</table>
+</table></details>
 """
 
 CHIP = """

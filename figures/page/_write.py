@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from figures import ledger
+from figures._markup import Markup, fill, join
 from figures.catalogue import Entry
 from figures.making import store
-from figures.page import _figures, _ledger, _picker
+from figures.page import _figures, _ledger
 from figures.page._figures import Shown, not_made, picture
-from figures.page._html import PAGES, PARTS, Markup, fill, href, join, order, part_of, quantity, static
+from figures.page._html import PAGES, PARTS, href, order, part_of, quantity, static
 from figures.page._ledger import bar, summary
 
 SCRIPT = "playground.js"
@@ -46,8 +47,8 @@ STEPS = (
         "thesis-5.2",
         "One point in each cell",
         "Random points clump and leave holes. A net puts exactly one point into each cell of a grid, and "
-        "into each box of the same area, however flat: so it sees an edge in any place about as often as it "
-        "should.",
+        "into each box of the same area, however flat: wherever an edge lies, about the right share of the "
+        "points is on either side.",
     ),
     (
         "hilbert-1",
@@ -56,27 +57,27 @@ STEPS = (
         "stays among neighbours, the points of nearby pixels complete each other.",
     ),
     (
-        "z-1",
+        "z-3",
         "The same amount of noise, arranged",
         "At one sample per pixel every sampler has noise. But where neighbours err in opposite directions, "
         "errors cancel to the eye: the spectrum is dark in its middle, which is called blue noise.",
     ),
     (
-        "thesis-6.2",
+        "spp-slider",
         "More samples, less error, at different rates",
-        "Random samples halve the error with four times the work. Stratified ones and nets fall on steeper "
-        "lines, so that their advantage grows with the number of samples.",
+        "Random samples halve the error with four times the work. Nets along a curve fall on a steeper "
+        "line, so their advantage grows with the number of samples.",
     ),
     (
-        "benchmark",
-        "What a user pays: time",
-        "A sampler that takes longer for a point must save samples. Error over run time shows which one is "
-        "worth it: what lies lower and farther to the left wins.",
+        "thesis-6.1",
+        "The same picture, less noise",
+        "A checkerboard up to its horizon at equal cost: nets leave less error than a jittered grid, which "
+        "shows where the cells are smaller than pixels.",
     ),
 )
 
 TOUR = """
-<section id="start" aria-labelledby="start-title"><h2 id="start-title">Five pictures</h2>
+<section id="start" aria-labelledby="start-title"><h2 id="start-title">In pictures</h2>
 <ol class="tour">$steps</ol></section>
 """
 
@@ -86,18 +87,13 @@ STEP = """
 
 
 def tour(folder: Path, figures: Mapping[str, Shown]) -> Markup:
-    """Return the five pictures; nothing for another catalogue, which has none of them."""
+    """Return those of the pictures that are here."""
     steps = [
         fill(
-            STEP,
-            name=name,
-            place=href(name),
-            title=title,
-            text=text,
-            picture=not_made(name) if figures[name].entry is None else picture(folder, figures[name]),
+            STEP, name=name, place=href(name), title=title, text=text, picture=picture(folder, figures[name])
         )
         for name, title, text in STEPS
-        if name in figures
+        if name in figures and figures[name].entry is not None
     ]
     return fill(TOUR, steps=join(steps)) if steps else Markup("")
 
@@ -120,17 +116,22 @@ HERO = "thesis-6.1"
 
 WALL = """
 $wall
-<p class="note"><a href="ours.html#spp-slider">All eight samplers</a>,
-<a href="ours.html#pick">which one to pick</a></p>
+<p class="note"><a href="which.html">Which sampler?</a> <a href="ours.html#spp-slider">All images</a></p>
+"""
+
+WHICH = """
+<section class="which"><h1>Which sampler?</h1>$body</section>
 """
 
 PAPER = """
-<div><h3><a href="$paper.html">$title</a></h3>$bar<p class="verdicts">$summary</p></div>
+<div><h3><a href="$paper.html">$title</a></h3>$citation$bar<p class="verdicts">$summary</p></div>
 """
 
 INDEX = """
 <h3><a href="$page.html">$title</a></h3><ol class="index">$items</ol>
 """
+
+ITEM = '<li><a href="$place">$thumbnail$title</a></li>'
 
 
 def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] = ()) -> Path:
@@ -176,9 +177,10 @@ def files(
     mains = {
         "index": _front(folder, figures, parts, counts, assessed, failed),
         "ledger": _ledger.section(assessed.findings, assessed.drafts),
-        **{paper: _figures.part(folder, paper, parts[paper], counted) for paper, counted in counts.items()},
-        "ours": _figures.part(folder, "ours", parts["ours"], {}, _picker.section(entries)),
+        "which": fill(WHICH, body=_which(folder)),
+        **{part: _figures.part(folder, part, parts[part], counts.get(part, {})) for part in PARTS},
         "sampler": Markup(static("sampler.html")),
+        "documentation": fill(static("documentation.html"), folder=folder / "docs"),
     }
     shown = [_page(folder, name, mains[name]) for name in PAGES]
     scripts = "\n".join(static(name) for name in SCRIPTS)
@@ -187,12 +189,12 @@ def files(
 
 
 def _page(folder: Path, name: str, main: Markup) -> Markup:
-    docs = "docs/index.html" if (folder / "docs" / PAGE).is_file() else "sampler.html#documentation"
-    places = {f"{page}.html": words for page, words in PAGES.items()} | {docs: "Documentation"}
+    built = (folder / "docs" / PAGE).is_file()
     nav = join(
         fill(f'<a href="$address"{current}>$words</a>', address=address, words=words)
-        for address, words in places.items()
-        for current in [' aria-current="page"' if PAGES[name] == words else ""]
+        for page, words in PAGES.items()
+        for address in ["docs/index.html" if page == "documentation" and built else f"{page}.html"]
+        for current in [' aria-current="page"' if page == name else ""]
     )
     return fill(static("page.html"), title=PAGES[name], nav=nav, main=main)
 
@@ -220,10 +222,16 @@ def _front(
         hero=_hero(folder, figures),
         told=_warnings(failed, assessed.outdated),
         papers=join(
-            fill(PAPER, paper=paper, title=PARTS[paper], bar=bar(of), summary=summary(of, paper))
+            fill(
+                PAPER,
+                paper=paper,
+                title=PARTS[paper],
+                citation=_figures.citation(paper),
+                bar=bar(of),
+                summary=summary(of, paper),
+            )
             for paper, of in counts.items()
         ),
-        drafts=_drafts(assessed.drafts),
         tour=tour(folder, figures),
         state=_state(figures),
         index=join(
@@ -232,7 +240,12 @@ def _front(
                 page=part,
                 title=PARTS[part],
                 items=join(
-                    fill('<li><a href="$place">$title</a></li>', place=href(each.name), title=each.title)
+                    fill(
+                        ITEM,
+                        place=href(each.name),
+                        thumbnail=_figures.thumbnail(folder, each.name),
+                        title=each.title,
+                    )
                     for each in of
                 ),
             )
@@ -255,11 +268,10 @@ def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
     return _figures.picture(folder, hero) if hero and hero.entry else Markup("")
 
 
-def _drafts(drafts: _ledger.Drafts) -> str:
-    said = list(drafts.values())
-    alone, agree, contradict, small = map(said.count, ("alone", "agrees", "contradicts", "too small"))
-    beside = f"Drafts: {agree} agree with paper quality, {contradict} contradict it, {small} are too small. "
-    return beside * (len(said) > alone) + f"By drafts only: {alone}." * (alone > 0)
+def _which(folder: Path) -> Markup:
+    """Return what a figure found out about samplers, if it is here."""
+    file = folder / f"{SLIDER}.which.html"
+    return Markup(file.read_text(encoding="utf-8")) if file.is_file() else not_made(SLIDER)
 
 
 def _state(figures: Mapping[str, Shown]) -> str:

@@ -194,7 +194,7 @@ COUNTS = (1, 4, 16, 64, 256)
 DIMS = 4
 """As many as one of the scenes needs."""
 
-START = {"left": RIVALS["random"].name, "right": RIVALS["z"].name, "scene": "ball", "spp": 16}
+START = {"left": RIVALS["random"].name, "right": RIVALS["z"].name, "scene": "soft shadow", "spp": 4}
 
 
 def made(name: str, side: int, count: int, key: int) -> samplers.Sampler:

@@ -253,7 +253,7 @@ def test_our_own_questions_never_count_for_or_against_a_paper(found):
 
 def test_the_page_shows_sentences_and_our_own_questions_apart(found):
     text = ledger_page.section(found)
-    said, apart = text.split('<h3 id="questions">')
+    said, apart = text.split('<details id="questions">')
     assert "So it … always is" in said and "at least 1 &lt; 2" in said and "1 claims" in said
     assert "Is it" not in said and 'data-verdict="ours"' not in said
     assert apart.count('data-verdict="ours"') == 4 and "It is" not in apart

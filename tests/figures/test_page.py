@@ -5,15 +5,17 @@ import json
 import re
 import struct
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
 from figures import ledger, page
-from figures.catalogue import CATALOGUE, NO_DRAFT, Entry
+from figures.catalogue import CATALOGUE, NO_DRAFT, PAPERS, Entry
 from figures.ledger import Claim, _ledger
 from figures.page import _html, _write
 from figures.page._ledger import VERDICTS
 
+ROOT = Path(__file__).parents[2]
 VOID = {"meta", "link", "img", "input", "br"}
 NASTY = "a < b && c > \"d\" 'e' </script><script>alert(1)</script> ${x} $name \u2028"
 
@@ -147,13 +149,15 @@ def test_links_between_pages_images_and_names_of_places_hold(folder):
             if target == "ledger.html" and place != "questions":
                 assert set(place.split(",")) <= {"", "top", *VERDICTS, *ledger.PAPERS}, link["href"]
             elif target in pages:
-                optional = {"pick": "ours.html", "spp-slider": "ours.html"}
-                assert not place or place in places[target] or optional.get(place) == target, link["href"]
+                assert not place or place in places[target] or link["href"] == _html.href("spp-slider")
             else:
-                assert (folder / target).is_file() or target == "docs/index.html", link["href"]
+                others = ("docs/index.html", *(f"https://doi.org/{paper.doi}" for paper in PAPERS.values()))
+                assert (folder / target).is_file() or target in others, link["href"]
         assert {f"{name}.html" for name in _html.PAGES} <= {link["href"] for link in parsed.all("a")}
-    pictures = [each for parsed in pages.values() for each in parsed.all("img")]
+    images = [each for parsed in pages.values() for each in parsed.all("img")]
+    pictures = [each for each in images if each.get("class") != "thumbnail"]
     assert [each["alt"] for each in pictures] == ["Noise & <spectra>", "Our own"]
+    assert len(images) - len(pictures) == 4, "of each, on the front page and on its own"
     assert {(each["width"], each["height"]) for each in pictures} == {("4", "3")}
 
 
@@ -195,8 +199,6 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     assert claims == ["Fig. 2", *(f"Fig. 1; draft {said}" for said in drafts.values())]
     small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
     assert [each for each in small if "draft" in each] == ["this draft: contradicts", "this draft: too small"]
-    told = "Drafts: 1 agree with paper quality, 1 contradict it, 1 are too small."
-    assert told in Parsed(written(folder)).all("main")[0]["text"]
 
     assert not page.assess({}).drafts, "without figures the stored verdicts are there"
     assert [each.verdict for each in page.assess({}).findings] == [each.verdict for each in assessed.findings]
@@ -205,7 +207,6 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     assert [each.verdict for each in own.findings[:3]] == ["reproduced", "differs", "depends"]
     assert not own.drafts
     monkeypatch.setattr(ledger, "stored", dict)
-    assert "By drafts only: 3." in written(folder)
     assert [each["text"] for each in Parsed(written(folder, "ledger")).all("small")].count("draft") == 3
     monkeypatch.setattr(ledger, "stored", lambda: {"z-9": {"numbers": {"claims": {"true": 7}}}})
     assert page.assess({}).findings[0].verdict == "missing", "of another version"
@@ -230,7 +231,6 @@ def test_what_is_not_there_and_what_stands_in_are_told(folder):
     assert [each["text"] for each in parsed.all("span", "badge")] == ["our scene", "draft"]
     ours = Parsed((folder / "ours.html").read_text(encoding="utf-8"))
     assert [each["text"] for each in ours.all("span", "badge")] == ["draft", "not up to date"]
-    assert "The benchmark is not in this folder" in ours.all("main")[0]["text"]
     front = Parsed((folder / "index.html").read_text(encoding="utf-8"))
     assert "Failed in the last run: own." in [each["text"] for each in front.all("p", "warning")]
 
@@ -276,23 +276,25 @@ def test_a_folder_without_numbers_has_a_page(folder, text):
     assert "0 of 2 figures of the papers are here" in Parsed(written(folder)).all("main")[0]["text"]
 
 
-def row(scene, sampler, spp, error):
-    return {"scene": scene, "sampler": sampler, "spp": spp, "rms error": error}
+def test_which_sampler_has_what_was_measured_or_says_what_measures_it(folder):
+    assert "qmcjax spp-slider makes it." in Parsed(written(folder, "which")).all("section")[0]["text"]
+    (folder / "spp-slider.which.html").write_text("<p>Take <b>this one</b>.</p>")
+    assert [each["text"] for each in Parsed(written(folder, "which")).all("b")] == ["qmcjax", "this one"]
 
 
-def test_the_sampler_of_least_error_is_picked_with_its_margin(folder):
-    """By class of scenes, as geometric means; within 5 % they are equal."""
-    rows = [row("disc", "A", 4, 0.1), row("checkerboard", "A", 4, 0.4), row("disc", "B", 4, 0.1)]
-    rows += [row("checkerboard", "B", 4, 0.9), row("disc", "C", 4, 0.01)]
-    rows += [row("ball", "A", 4, 0.1), row("ball", "B", 4, 0.104), row("ball", "A, adaptive", 4, 0.1)]
-    rows += [row("ball", "C", 4, 0.2), row("new & other", "B", 16, 0.3)]
-    catalogue = TITLES | {"benchmark": Entry("m", "Benchmark")}
-    (folder / "numbers.json").write_text(json.dumps({"benchmark": entry(table=rows)}))
-    parsed = Parsed(written(folder, "ours", catalogue))
-    table = next(each for each in parsed.elements if each.get("class") == "pick")
-    cells = [re.sub(r"\s+", " ", each["text"].partition("ranks")[0]).strip() for each in parsed.all("td")]
-    assert cells == ["A 1.50 × the error: B", "–", "A B 2.00 × the error: C", "–", "–", "B no other measured"]
-    assert "New & othernew & other" in table["text"]
+def test_papers_are_cited_as_in_the_citation_file(folder):
+    """Authors, title, year and DOI, on the front page and on that of the paper."""
+    file = (ROOT / "CITATION.cff").read_text(encoding="utf-8").partition("references:")[2]
+    names = re.findall("family-names: (.*?),", file)
+    lines = re.findall(r"^    (title|year|doi): (.*)$", file, re.M)
+    cited = {name: Parsed(written(folder, name)).all("p", "citation") for name in ("index", *PAPERS)}
+    assert [each["text"] for each in cited["index"]] == [cited[name][0]["text"] for name in PAPERS]
+    text = " ".join(each["text"] for each in cited["index"]).lower()
+    assert len(names) == 6 and len(lines) == 8
+    for word in (*names, *(value for _, value in lines)):
+        assert word.lower() in text
+    links = [each["href"] for each in Parsed(written(folder)).all("a") if "doi.org" in each["href"]]
+    assert links == [f"https://doi.org/{value}" for key, value in lines if key == "doi"]
 
 
 def test_what_was_not_made_is_no_failure(folder):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.docs import sampler_errors
+from figures.shared import sampler_errors
 from qmcjax.choosing import CANDIDATES, LEVELS, SETTINGS, worst_cases
 
 sampler_tables = pytest.importorskip("figures.docs.sampler_tables", reason="Sphinx", exc_type=ImportError)

@@ -1,5 +1,6 @@
-// Sort the table of claims by a column, and show those of one verdict, a paper, or with some words.
+// Sort the table of claims by a column, and show those of one verdict, a paper, or with some words: the first, then all.
 {
+  const FOLDED = 30;
   const table = document.getElementById("ledger-table");
   const filtered = (body) => {
     const rows = [...body.rows];
@@ -8,20 +9,22 @@
     const paper = document.getElementById("ledger-paper");
     const search = document.getElementById("ledger-search");
     const shown = document.getElementById("ledger-shown");
-    let verdict = "";
+    const more = document.getElementById("ledger-more");
+    let [verdict, most] = ["", FOLDED];
 
     const filter = () => {
       const words = search.value.toLowerCase().split(/\s+/).filter(Boolean);
-      for (const row of rows) {
-        const text = row.textContent.toLowerCase();
-        row.hidden = Boolean((verdict && row.dataset.verdict !== verdict)
-          || (paper.value && !row.cells[0].textContent.startsWith(`${paper.selectedOptions[0].text},`))
-          || !words.every((word) => text.includes(word)));
-      }
+      const found = rows.filter((row) => (!verdict || row.dataset.verdict === verdict)
+        && (!paper.value || row.cells[0].textContent.startsWith(`${paper.selectedOptions[0].text},`))
+        && words.every((word) => row.textContent.toLowerCase().includes(word)));
+      for (const row of rows) row.hidden = true;
+      for (const row of found.slice(0, most)) row.hidden = false;
       for (const chip of chips) chip.setAttribute("aria-current", chip.dataset.verdict === verdict);
-      const count = rows.filter((row) => !row.hidden).length;
-      shown.textContent = count === rows.length ? `${count} claims` : `${count} of ${rows.length} claims`;
+      shown.textContent = found.length === rows.length ? `${rows.length} claims` : `${found.length} of ${rows.length} claims`;
+      more.hidden = found.length <= most;
+      more.textContent = `${found.length - most} more`;
     };
+    more.addEventListener("click", () => { most = Infinity; filter(); });
     // The address says what is shown: ledger.html#z,differs is what differs from the Z paper.
     const read = () => {
       const asked = location.hash.slice(1).split(",");
@@ -50,6 +53,7 @@
         head.setAttribute("aria-sort", down ? "descending" : "ascending");
         rows.sort((a, b) => (down ? -1 : 1) * compare(value(a, column), value(b, column)));
         body.append(...rows);
+        filter();
       });
     });
   };

@@ -36,12 +36,18 @@ for (const link of document.querySelectorAll(".enlarge")) {
   });
   layouts.push(layout);
 }
-// Who comes for a figure from another page wants to see its claims.
+// A figure is unfolded by a click or by its address, and then has its own width: who comes from another page sees its claims.
 {
+  document.addEventListener("toggle", ({ target }) => {
+    if (!target.open || !target.parentElement.matches(".figure")) return;
+    history.replaceState(null, "", `#${target.parentElement.id}`);
+    for (const layout of layouts) layout();
+  }, true);
   const unfold = () => {
-    const claims = document.getElementById(decodeURIComponent(location.hash.slice(1)))?.querySelector(".claims");
-    if (claims) claims.open = true;
+    const figure = document.getElementById(decodeURIComponent(location.hash.slice(1)));
+    for (const part of figure?.querySelectorAll(":scope > details, .claims") ?? []) part.open = true;
+    figure?.scrollIntoView();
   };
   addEventListener("hashchange", unfold);
-  unfold();
+  addEventListener("load", unfold);
 }

@@ -6,8 +6,9 @@ const drawing = (name, attributes, ...children) => {
   return made;
 };
 
-const LEFT = 52; // pixels for labels
+const LEFT = 70; // pixels for labels
 const BELOW = 38;
+const ABOVE = 1.2; // as much above the first error is the slope of random samples
 
 // Numbers with one digit, 1, 2 or 5, that are between two others.
 const ticks = (least, largest) => {
@@ -36,11 +37,15 @@ const curve = (lines, most, width, height) => {
       text(x(samples), height - BELOW + 17, "middle", String(samples)));
   }
   made.push(text((LEFT + width - 14) / 2, height - 4, "middle", "samples per pixel"));
+  made.push(drawing("text", { class: "name", "text-anchor": "middle", transform: `translate(14 ${(height - BELOW) / 2}) rotate(-90)` },
+    "RMS error"));
   const first = lines.map(([, points]) => points[0]).find((point) => point && point[0] === 1 && point[1] > 0);
   if (first && most > 1) {
-    // One over the root of the number of samples, as long as it is above the least error.
+    // One over the root of the number of samples, above the lines, as long as it is above the least error.
+    const at = (samples) => `${x(samples)} ${y((ABOVE * first[1]) / Math.sqrt(samples))}`;
     const end = Math.min(most, (first[1] / 10 ** low) ** 2);
-    made.push(drawing("path", { class: "slope", d: `M${x(1)} ${y(first[1])}L${x(end)} ${y(first[1] / Math.sqrt(end))}` }));
+    made.push(drawing("path", { class: "slope", d: `M${at(1)}L${at(end)}` }),
+      text(width - 18, 26, "end", "dashed: slope of random samples"));
   }
   for (const [name, points] of lines) {
     const seen = points.filter(([, error]) => error > 0).map(([samples, error]) => [x(samples).toFixed(1), y(error).toFixed(1)]);

@@ -114,7 +114,8 @@ const playground = async (root) => {
   const split = element("input", { type: "range", className: "split", min: 0, max: side, step: 1, value: side / 2,
     "aria-label": "Split between the images: arrow keys move it" });
   canvases[0].classList.add("over");
-  const stage = element("div", { className: "stage" }, canvases[1], canvases[0], line, split);
+  const captions = SIDES.map((name) => element("span", { className: `caption ${name}` }));
+  const stage = element("div", { className: "stage" }, canvases[1], canvases[0], line, split, ...captions);
   const legend = element("ul", { className: "legend" });
   const plot = drawing("svg", { role: "img", "aria-label": "Errors over samples per pixel" });
   const note = element("p", { className: "stage-note", role: "status" });
@@ -134,6 +135,7 @@ const playground = async (root) => {
       .map(([count, errors]) => [count, errors[choice.filter]])]);
     plot.setAttribute("viewBox", `0 0 ${width} ${height}`);
     plot.replaceChildren(...curve(lines, choice.spp, width, height));
+    SIDES.forEach((name, at) => { captions[at].textContent = nameOf(name); });
     legend.replaceChildren(...SIDES.map((name, at) => {
       const job = rendering.jobs[at];
       const words = job?.failed ? job.failed
@@ -159,10 +161,10 @@ const playground = async (root) => {
         canvases[at].setAttribute("aria-label", `${modes[view]} of ${nameOf(SIDES[at])}`);
       });
       const words = explained(view, { scale });
-      note.textContent = `${side} x ${side} pixels. ${words}${words && ". "}`
+      const scene = data.scenes.find(({ id }) => id === choice.scene).name;
+      note.textContent = `The scene “${scene}” at ${choice.spp} spp, ${side} x ${side} pixels: drag the line. ${words}${words && ". "}`
         + (filter === "none" ? "" : "Errors are those after the filter. ")
-        + "Errors are root mean squares of the difference from the exact image, after the first samples of each pixel. "
-        + "Dashed: the slope of independent random samples.";
+        + "Errors are root mean squares (RMS) of the difference from the exact image, after the first samples of each pixel.";
       // Where shaders do not compile, the pictures stay.
       const ready = pictures.every((greys, at) => greys || rendering.jobs[at].failed);
       if (live.hidden && ready && !rendering.jobs.every((job) => job.broken)) {

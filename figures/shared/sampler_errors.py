@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Mapping
+from itertools import product
 
-from figures.page import Markup, fill, join
+from figures._markup import Markup, fill, join
 from qmcjax.choosing import (
     KINDS,
     LEVELS,
     MEASURES,
     SETTINGS,
+    STILL,
     ErrorRatio,
     Measured,
     Setting,
@@ -16,8 +18,8 @@ from qmcjax.choosing import (
 )
 
 SAFE = """
-<p>Least worst case of the $measure$errors: <b>$name</b>. In none of $classes classes is its error
-more than <b>$ratio</b> times that of the best sampler ($where).</p>
+<p><b>$name</b>: its $measure$errors is at most <b>$ratio</b> times that of the best sampler, in each of
+$classes classes of scenes, dimensions and samples per pixel (worst: $where).</p>
 """
 
 TABLE = """
@@ -26,6 +28,24 @@ TABLE = """
 <tr><td></td>$kinds</tr><tr><th scope="col">Sampler</th>$counts</tr>
 </thead><tbody>$rows</tbody></table></div>
 """
+
+PAGE = """
+<p class="lead">If you do not want to choose, take the sampler with the least worst case.</p>
+$safest
+<pre><code>from qmcjax.choosing import CANDIDATES
+
+sampler = CANDIDATES["$name"].make(dims, width, height, spp, key)
+</code></pre>
+<p>For the best sampler of your scene, ask <code>qj.recommend(scene, spp, filtered=True)</code>.</p>
+<h2>What this rests on</h2>
+<p>Errors relative to the best sampler of each column, with 95 % confidence intervals: geometric means over
+scenes with exact pixel integrals. The best is framed; ratios in bold are significantly worse.</p>
+$tables
+<h2>While an image is rendered, and in animations</h2>
+$others
+"""
+
+FOLDED = "<details$open><summary>$title</summary>$table</details>"
 
 CELL = '<td class="$classes" style="--worse: $worse"><span>$ratio</span> <small>$interval</small></td>'
 
@@ -54,13 +74,37 @@ def error_tables(setting: str, filtered: bool) -> Markup:
     return join(_table(SETTINGS[setting], level, filtered) for level in LEVELS)
 
 
+def which_sampler() -> Markup:
+    """Return the page "Which sampler?": one safe choice, what it costs at most, and folded tables."""
+    name = next(iter(worst_cases(True)))
+    return fill(
+        PAGE,
+        name=name,
+        safest=join(safest_sampler("images", filtered) for filtered in (True, False)),
+        tables=join(
+            fill(FOLDED, title=_title(STILL, *of), table=_table(STILL, *of), open=" open" * (of == (2, True)))
+            for of in product(LEVELS, (True, False))
+        ),
+        others=join(
+            safest_sampler(setting, filtered)
+            for setting in ("prefixes", "frames")
+            for filtered in (True, False)
+        ),
+    )
+
+
+def _title(setting: Setting, level: int, filtered: bool) -> str:
+    measure = MEASURES[filtered][0].upper() + MEASURES[filtered][1:]
+    return f"{measure}{setting.errors} relative to the best, {LEVELS[level]}"
+
+
 def _table(setting: Setting, level: int, filtered: bool) -> Markup:
     columns = [(edges, spp) for edges in KINDS for spp in setting.spps]
     cells = [_ratios(Measured.of(edges, level, spp, filtered, setting)) for edges, spp in columns]
     names = sorted(cells[0], key=lambda name: sum(math.log(column[name].ratio) for column in cells))
     return fill(
         TABLE,
-        title=f"{MEASURES[filtered]}{setting.errors} relative to the best, {LEVELS[level]}",
+        title=_title(setting, level, filtered),
         kinds=join(
             fill('<th scope="colgroup" colspan="$n">$kind</th>', n=len(setting.spps), kind=kind)
             for kind in KINDS.values()

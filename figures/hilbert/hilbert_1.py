@@ -17,6 +17,7 @@ import analysis
 from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from figures.making.schema import Claims
 from figures.shared.sheets.curve_tables import CURVES, Curve, square
+from figures.shared.sheets.panels import write_title
 from qmcjax import sequences
 
 SHOWN = (16, 9)
@@ -93,8 +94,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     histogram.legend(loc="upper left")
     measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
     measured["maxima of the 512 variants of the Peano curve"] = _draw_variants(variants)
-    figure.suptitle(
-        "Space-filling curves and the segments that enter a 3x3 neighbourhood (Hilbert paper, Fig. 1)"
+    write_title(
+        figure,
+        "No curve has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
+        "Hilbert paper, Fig. 1; segments of space-filling curves in 3x3 neighbourhoods",
     )
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 

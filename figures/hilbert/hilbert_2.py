@@ -45,7 +45,12 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves over their radical inverses, with the differences on the shared edges."""
-    figure = new_figure("Differences of positions across the edges of pixels (Hilbert paper, Fig. 2)", 15, 12)
+    figure = new_figure(
+        "Many neighbours on the Hilbert curve differ by 3, a base of the Halton sequence\n"
+        "Hilbert paper, Fig. 2; differences of positions across the edges of pixels",
+        15,
+        12,
+    )
     measured = {}
     for name, panels in zip(CURVES, figure.subplots(len(BASES), len(CURVES)).T, strict=True):
         curve = square(name, *SHOWN)

@@ -94,7 +94,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     of_table = {"reference": shown["1 spp"]["reference"], **shown[count]}
     rows[f"{count}, magnified"] = Row({name: image[near] for name, image in of_table.items()})
     title = (
-        "An interior along the Hilbert curve (Hilbert paper, Fig. 5)\n"
+        "Along the Hilbert curve the error is about that of the global sequence\n"
+        "Hilbert paper, Fig. 5\n"
         f"our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces, digits of Faure and "
         "Lemieux; filtered error: RMS after a Gaussian of 1.5 pixels; at 1 spp three columns are the same"
     )

@@ -42,7 +42,7 @@ def hilbert_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
         for row, image in zip(rows.values(), images.values(), strict=True):
             row[name] = image
         measured[name] = {row: structure(image) for row, image in images.items()}
-    title = "Radical inverses along the curves (Hilbert paper, Fig. 3)"
+    title = "Radical inverses leave regular structures along all four curves\nHilbert paper, Fig. 3"
     figure = image_sheet(title, {label: Row(images) for label, images in rows.items()})
     return figure, {"measured": measured, "claims": _claims_3(measured), "note": NOTE_3}
 
@@ -120,7 +120,8 @@ def hilbert_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
         for row, images in sheet.items()
     }
     title = (
-        "Scrambling along the curves, and without it (Hilbert paper, Fig. 4)\n"
+        "Scrambling leaves correlations along the curves: Morton's stripes stay\n"
+        "Hilbert paper, Fig. 4\n"
         f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}; above an image: what part of its "
         "power\nthe strongest 1 % of its frequencies have (white noise: 6 %)"
     )

@@ -13,7 +13,7 @@ import analysis
 from analysis import design_samples
 from figures.ours import designed_tiles, space_time
 from figures.shared.sheets.image_sheets import DPI
-from figures.shared.sheets.panels import name_axes
+from figures.shared.sheets.panels import name_axes, write_title
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 
@@ -60,9 +60,10 @@ def make_scenes(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     gains = {camera: [of[camera] for row in measured.values() for of in row.values()] for camera in CAMERAS}
     figure = Figure(figsize=(5.5 * len(counts) + 1, 4.6), layout="constrained")
     ranges = [f"{min(gains[camera]):.2f} to {max(gains[camera]):.2f}" for camera in (CAMERAS[0], CAMERAS[2])]
-    figure.suptitle(
-        f"Points that know their scene have {ranges[0]} of the errors of designed tiles,\n"
-        f"and {ranges[1]} after a pan by 8 pixels"
+    write_title(
+        figure,
+        f"Points that know their scene have {ranges[0]} of the errors of designed tiles, "
+        f"and {ranges[1]} after a pan by 8 pixels",
     )
     panels = np.atleast_1d(figure.subplots(1, len(counts)))
     for axes, (count, row) in zip(panels, measured.items(), strict=True):

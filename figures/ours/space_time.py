@@ -18,6 +18,7 @@ from figures.making import stbn
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
+from figures.shared.sheets.panels import write_title
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core import student
 
@@ -226,10 +227,10 @@ def make(
     figure = _draw(
         {c: {n: np.exp(of.mean(axis=0)) for n, of in logs.items()} for c, logs in relative.items()}, spectra
     )
-    figure.suptitle(
+    write_title(
+        figure,
         f"Samplers that move with the frames diffuse errors in space and in time, new keys only in space\n"
-        f"Filtered errors over those of white noise; {side} x {side} pixels, {FRAMES} frames, {keys} keys",
-        fontsize=11,
+        f"filtered errors over those of white noise; {side} x {side} pixels, {FRAMES} frames, {keys} keys",
     )
     numbers = {"measured": {"error / white noise": measured, "verdicts": said}, "note": note}
     return (figure, numbers) if quality == "draft" else (figure, numbers, {}, {"frames.webp": moving()})

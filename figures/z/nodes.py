@@ -43,9 +43,7 @@ def z_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 
-    figure = new_figure(
-        "Scrambling the Morton order of 8 x 8 pixels by 21 permutations (Z paper, Fig. 5)", 12, 6.2
-    )
+    figure = new_figure("21 permutations scramble the Morton order of 8 x 8 pixels\nZ paper, Fig. 5", 12, 6.2)
     panels = figure.subplots(1, 2)
     _draw_tree(panels[0], permutations)
     texts = np.vectorize(lambda i: np.base_repr(i, 4).zfill(LEVELS_5))(scrambled)
@@ -167,7 +165,12 @@ NOTE_7 = (
 def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both trees, and check that positions follow letters."""
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
-    figure = new_figure("Permutations and letters of the self-similar tree, aligned (Z paper, Fig. 7)", 11, 6)
+    figure = new_figure(
+        "Pixels below equal letters of the tree come in the same order\n"
+        "Z paper, Fig. 7; permutations and letters of the self-similar tree, aligned",
+        11,
+        6,
+    )
     left, right = figure.subplots(1, 2)
     _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: pi_of(prefix))
     _draw(right, "(b) nodes of the tree that begins with A", rules, lambda _, letter: letter)

@@ -123,7 +123,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         "spectrum of the error": image_sheets.spectra(smooth, low, (-1.0, 1.0)),
     }
     title = (
-        "An interior at one sample per pixel (Z paper, Fig. 1)\n"
+        "At one sample per pixel the error is blue noise by Z, white by the (0,2)-sequence\n"
+        "Z paper, Fig. 1\n"
         f"our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces, one key; filtered "
         "error: RMS "
         "after a Gaussian of 1.5 pixels;\nranked keys: ours, after Heitz et al.; low frequencies: power "

@@ -56,7 +56,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "caustic": scenes.caustic(),
     }
     figure = new_figure(
-        "Convergence on rendered scenes (Z paper, Fig. 11)\n"
+        "On rendered scenes no difference between Z and the (0,2)-sequence is certain\n"
+        "Z paper, Fig. 11\n"
         f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al.",
         11,
         8.5,

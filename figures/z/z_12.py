@@ -168,7 +168,8 @@ def _sheet(
     """Lay insets out at whole zoom, seven a row, above the graphs."""
     side, graphs = len(insets["reference"]), 640
     title = (
-        f"Variants of the Z-sampler and sizes of its alphabet, images at {SPP} spp (Z paper, Fig. 12)\n"
+        "Hashing and large tables are alike, a single letter hinders convergence\n"
+        f"Z paper, Fig. 12; images at {SPP} samples per pixel\n"
         f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels"
     )
     panels = []

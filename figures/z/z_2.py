@@ -22,7 +22,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     binary = np.vectorize(lambda i: format(i, f"0{2 * BITS}b"))(index)
     quaternary = np.vectorize(lambda i: np.base_repr(i, 4).zfill(BITS))(index)
 
-    figure = new_figure("Morton order of 8 x 8 pixels (Z paper, Fig. 2)", 11, 5.6)
+    figure = new_figure(
+        "The Morton order interleaves the bits of row and column\nZ paper, Fig. 2; 8 x 8 pixels", 11, 5.6
+    )
     panels = figure.subplots(1, 2)
     write(panels[0], index, binary, r"binary: $y_2 x_2 y_1 x_1 y_0 x_0$", 1)
     write(panels[1], index, quaternary, "base 4: one digit a level of quadrants", 2)

@@ -35,7 +35,9 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both orders, and the strips that the cuts make of a square."""
-    figure = new_figure("Morton and accordion order (Z paper, Fig. 4)", 15, 9.9)
+    figure = new_figure(
+        "The accordion order keeps neighbours closer than the Morton order\nZ paper, Fig. 4", 15, 9.9
+    )
     grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
     panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
     _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")

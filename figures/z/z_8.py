@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures import plot
 from figures.shared.sheets.image_sheets import DPI, add_axes
-from figures.shared.sheets.panels import name_axes
+from figures.shared.sheets.panels import name_axes, write_title
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 
@@ -84,11 +84,14 @@ def _pictures() -> dict[str, NDArray]:
 
 def _sheet(images: dict[str, NDArray], errors: dict[str, dict[str, float]]) -> Figure:
     """Lay images out at whole zoom, with a magnified corner of each, and the errors on their right."""
-    gap, top, right = 12, 70, 700
+    gap, top, right = 12, 88, 700
     width, height = gap + len(images) * (SIDE + gap) + right, top + 2 * (SIDE + gap)
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(
-        "Dimension 5 of the global Sobol' sequence on a grey ramp, and a corner magnified (Z paper, Fig. 8)",
+    write_title(
+        figure,
+        "In dimension 5 of the global Sobol' sequence blocks of pixels share a half\n"
+        "Z paper, Fig. 8; a grey ramp, and a corner magnified",
+        9,
         y=1 - 14 / height,
     )
     for k, (name, image) in enumerate(images.items()):
@@ -105,7 +108,8 @@ def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
         n = [int(count.removeprefix("n = ")) for count in of]
         is_shown = name == f"dimension {DIM}"
         look = {"color": plot.style("Sobol', full screen").color, "marker": "8", "ms": 5, "zorder": 3}
-        axes.plot(n, list(of.values()), **(look if is_shown else {"color": "0.75", "lw": 0.8}))
+        label = "other dimensions, 2 to 9" if name == f"dimension {COMPARED[0]}" else None
+        axes.plot(n, list(of.values()), **(look if is_shown else {"color": "0.6", "lw": 0.8, "label": label}))
     counts = np.array([int(count.removeprefix("n = ")) for count in next(iter(errors.values()))])
     ends = {f"dimension {DIM}": list(errors[f"dimension {DIM}"].values())[-1]}
     for power, text in ((0.5, "independent"), (1.0, "equidistant")):
@@ -114,8 +118,8 @@ def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
         ends[text] = rate[-1]
     for text, end in ends.items():
         axes.annotate(text, (counts[-1], end), (4, 0), textcoords="offset points", va="center", fontsize=8)
-    title = f"in grey: dimensions {COMPARED[0]} to {COMPARED[-1]} but {DIM}"
-    name_axes(axes, "samples per pixel", "RMS error", title, log="xy", ticks=counts.tolist())
+    ticks = counts.tolist()
+    name_axes(axes, "samples per pixel", "RMS error", log="xy", ticks=ticks, legend="lower left")
 
 
 def _values(sampler: samplers.Sampler, sample: int) -> NDArray[np.float64]:

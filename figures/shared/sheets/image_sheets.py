@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from figures import plot
 from figures._errors import rms
+from figures.shared.sheets.panels import fold_title, write_title
 
 DPI = 150
 GAP, LINE = 14, 21
@@ -122,15 +123,17 @@ def _sheet(
     text: float = 1.0,
 ) -> tuple[Figure, list[tuple[int, int, int]]]:
     """Draw rows of images with room at their right; return right, bottom and height of each."""
-    line, top = round(LINE * text), round(22 * text * (title.count("\n") + 2))
+    line = round(LINE * text)
     heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
     heads = [line * count + 8 * bool(count) for count in heads]
     sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
     cell = max(sides) + GAP
     width = left + max(len(row) * cell + beside for row, beside in zip(rows, right, strict=True))
+    lines = "\n".join(fold_title(title, width / DPI, 9 * text)).rstrip().count("\n") + 1
+    top = round(22 * text * (lines + 1))
     height = top + sum(heads) + sum(sides) + GAP * len(rows) + below
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(title, y=1 - 14 / height, fontsize=9 * text)
+    write_title(figure, title, 9 * text, y=1 - 14 / height)
     bottom, places = height - top, []
     for row, head, side in zip(rows, heads, sides, strict=True):
         bottom -= head + side

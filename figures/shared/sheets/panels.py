@@ -1,20 +1,52 @@
-"""What panels show: lines in the styles of samplers, axes with names, ticks and legends, tables of text."""
+"""Titles of figures, and what panels show: lines, axes with names, ticks and legends, tables of text."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 
 from figures.plot import Style
 
+TITLE, SMALL = 11.0, 0.75
+"""Points of a title, and the size of the lines below it in parts of that, of 8 points at least."""
 
-def new_figure(title: str, width: float, height: float, **look: Any) -> Figure:
+LETTER = 0.56
+"""Mean width of a letter, in parts of its size."""
+
+
+def new_figure(title: str, width: float, height: float) -> Figure:
     """Return a figure of a size in inches whose panels find their own places."""
     figure = Figure(figsize=(width, height), layout="constrained")
-    figure.suptitle(title, **look)
+    write_title(figure, title)
     return figure
+
+
+def write_title(figure: Figure, title: str, size: float = TITLE, **place: float) -> None:
+    """Write what a figure says, and the lines after it, such as where it is from, in small letters below."""
+    message, details = fold_title(title, figure.get_figwidth(), size)
+    lines = details.count("\n") + bool(details)
+    head = figure.suptitle(message + "\n" * lines, fontsize=size, **place)
+    look: dict[str, Any] = {"xycoords": head, "ha": "center", "va": "bottom", "fontsize": _small(size)}
+    figure.add_artist(Annotation(details, (0.5, 0), **look))
+
+
+def fold_title(title: str, inches: float, size: float = TITLE) -> tuple[str, str]:
+    """Return the first line of a title and the others, folded to a width."""
+    message, _, details = title.partition("\n")
+    small = "\n".join(_fold(line, inches, _small(size)) for line in details.splitlines())
+    return _fold(message, inches, size), small
+
+
+def _small(size: float) -> float:
+    return max(8.0, SMALL * size)
+
+
+def _fold(line: str, inches: float, size: float) -> str:
+    return textwrap.fill(line, int(72 * inches / (LETTER * size)), break_on_hyphens=False)
 
 
 def curve(axes: Axes, of: Mapping[Any, float], drawn: Style, **look: Any) -> None:

@@ -35,7 +35,9 @@ def thesis_2_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     errors = {name: [1 - found / exact[name] for found in of] for name, of in sums.items()}
     slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
-    figure, (left, right) = pair("The length of a curve by linear segments (thesis Fig. 2.4)", 10)
+    figure, (left, right) = pair(
+        "Linear segments approximate the arc length, even of a curve with a corner\nthesis, Fig. 2.4", 10
+    )
     draw_curve(left, CURVE)
     ends = at(CURVE, np.linspace(CURVE.knots[0], CURVE.knots[-1], SHOWN_2_4 + 1))
     left.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN_2_4} linear segments")
@@ -99,7 +101,11 @@ def thesis_2_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     unequal = {str(times): _table_error(times, u, lengths) for times in (1, 4, 16)}
     few, _, many = unequal.values()
 
-    figure, (left, right) = pair("Linear segments of the same length (thesis Fig. 2.5)", 10)
+    figure, (left, right) = pair(
+        "Ends of segments lie on the curve, and errors in between stay below their bound\n"
+        "thesis, Fig. 2.5; linear segments of equal length",
+        10,
+    )
     draw_curve(left, CURVE)
     label = f"{SHOWN_2_5} segments of equal length"
     left.plot(*divided[SHOWN_2_5].points.T, "o-", color="C1", ms=4, lw=0.8, label=label)
@@ -154,7 +160,8 @@ NOTE_2_7 = (
 def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a full turn by few and by many segments, and count how many are enough."""
     figure, axes = point_plots.panels(
-        len(SHOWN_2_7) + 1, "Linear segments of a fast rotation (thesis Fig. 2.7)"
+        len(SHOWN_2_7) + 1,
+        "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7",
     )
     angles = np.linspace(0, 2 * np.pi, 361)
     for panel, segments in zip(axes, SHOWN_2_7, strict=False):
@@ -168,8 +175,8 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):
-        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turns")
-    axes[-1].axhline(ALLOWED, color="k", lw=0.6, ls=":")
+        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turn" + "s" * (turns != 1))
+    axes[-1].axhline(ALLOWED, color="k", lw=0.6, ls=":", label=f"{ALLOWED:.0%} of the radius")
     name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="best")
 
     enough = {turns: int(np.ceil(np.pi * turns / np.arccos(1 - ALLOWED))) for turns in TURNS}
@@ -231,7 +238,9 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     floating = {
         name: {n: _floats(_approximated(n, known)) for n in COUNTS_2_8} for name, known in ways.items()
     }
-    figure, axes = point_plots.panels(3, "A ball that jumps, by linear segments (thesis Fig. 2.8)")
+    figure, axes = point_plots.panels(
+        3, "The ball touches the floor only if segments end where it lands\nthesis, Fig. 2.8; a jumping ball"
+    )
     for panel, color, (name, known) in zip(axes, COLORS, ways.items(), strict=False):
         path = _approximated(SEGMENTS, known)
         panel.axhline(0, color="0.5", lw=2)

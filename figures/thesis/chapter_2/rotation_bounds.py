@@ -31,7 +31,11 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw two rotations with their boxes, and measure how tight these are, in the plane and in space."""
-    figure, axes = point_plots.panels(2, "Boxes of a rectangle that turns (thesis Fig. 2.6)")
+    figure, axes = point_plots.panels(
+        2,
+        "Corners are farthest out where the derivative is zero, or at the end\n"
+        "thesis, Fig. 2.6; bounding boxes of a rotating rectangle",
+    )
     corner = CORNERS[-1]
     highest = -float(np.arctan2(corner[1], corner[0]))
     measured: dict = {}
@@ -48,7 +52,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "degrees at which it is reached": -float(np.degrees(reached)),
         }
         _draw(panel, name, stop, highest if stop < highest else stop, low, high)
-    legend_below(figure, figure.axes[0])
+    legend_below(figure, figure.axes[0], 3)
     of_space = _in_random_frames()
     measured["in space, volume / brute force"] = {
         name: {"mean": float(np.mean(of)), "largest": float(np.max(of)), "smallest": float(np.min(of))}

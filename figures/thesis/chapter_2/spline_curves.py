@@ -100,8 +100,11 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     without[SWITCHED_OFF] = 0
     weighted = at(motion.nurbs(np.eye(COUNT), without, KNOTS, DEGREE), u)
 
-    title = "Cubic B-spline basis functions, end knots four times each (thesis Fig. 2.1)"
-    figure = new_figure(title, 9, 4, fontsize=10)
+    title = (
+        "At most four cubic B-spline basis functions differ from zero at once\n"
+        "thesis, Fig. 2.1; end knots four times each"
+    )
+    figure = new_figure(title, 9, 4)
     axes = figure.subplots()
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
@@ -172,7 +175,10 @@ def thesis_2_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     }
     ratios = {name: float(of.max() / of.min()) for name, of in steps.items()}
 
-    figure, axes = pair("Two parametrisations of a NURBS curve (thesis Fig. 2.2)")
+    figure, axes = pair(
+        "Equal steps of the parameter are unequal steps along the curve\n"
+        "thesis, Fig. 2.2; two parametrisations of a NURBS curve"
+    )
     for panel, (name, of) in zip(axes, points.items(), strict=True):
         draw_curve(panel, CURVE)
         panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="equal times apart")
@@ -213,7 +219,9 @@ def thesis_2_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "the knot 2 three times": CORNER,
         "simple knots": motion.nurbs(CORNER.control, CORNER.weights, SIMPLE, 3),
     }
-    figure, axes = pair("A knot as multiple as the degree of the curve (thesis Fig. 2.3)")
+    figure, axes = pair(
+        "A knot of full multiplicity pulls the curve through a control point, with a corner\nthesis, Fig. 2.3"
+    )
     measured = {}
     for panel, (name, curve) in zip(axes, curves.items(), strict=True):
         measured[name] = found = _at_bottom(curve)

@@ -256,7 +256,8 @@ def _draw(
         off("16 points: error", images["points"][16]),
     ]
     title = (
-        "Depth of field by lines on the lens (thesis, Fig. 3.11); errors: black to white is -24 to 24 of 255"
+        "Each doubling of the lines on the lens, up to 16, lowers the error\n"
+        "thesis, Fig. 3.11; depth of field; errors: black to white is -24 to 24 of 255"
     )
     figure = image_grid(title, [*eight, *means, *differences], 8, size, below)
     styles = {

@@ -20,7 +20,7 @@ from figures._errors import rms
 from figures._rc import BLACK, BLUE, VERMILLION
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.sheets.image_sheets import DPI, GAP, LINE, Panel, add_axes, image_grid
-from figures.shared.sheets.panels import name_axes
+from figures.shared.sheets.panels import name_axes, write_title
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 
@@ -60,9 +60,7 @@ def thesis_3_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     panels = [Panel(f"point {k + 1} on the lens", diffusion.shown(slices[k])) for k in range(4)]
     panels += [Panel(f"mean of {count} points", diffusion.shown(mean)) for count, mean in means.items()]
     panels.append(Panel("all of the lens", diffusion.shown(whole)))
-    title = (
-        "Each point on the lens sees a perspective image;\ntheir mean has depth of field (thesis, Fig. 3.8)"
-    )
+    title = "The mean of images from points on the lens approaches depth of field\nthesis, Fig. 3.8"
     numbers = {
         "measured": {"RMS difference from all of the lens": errors, "residual": residual},
         "claims": {
@@ -285,10 +283,15 @@ def _draw(
     many: int,
 ) -> Figure:
     head = 2 * LINE + 8
-    width, height = 5 * (SIZE + GAP) + GAP, 2 * (SIZE + head) + 3 * GAP + 44
+    width, height = 5 * (SIZE + GAP) + GAP, 2 * (SIZE + head) + 3 * GAP + 62
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle("Points and lines on the lens (thesis, Fig. 3.9 and 3.10)", y=1 - 14 / height)
-    bottom = height - 44 - head - SIZE
+    write_title(
+        figure,
+        "A square root makes diameters of the lens as dense as points on a disc\nthesis, Fig. 3.9 and 3.10",
+        9,
+        y=1 - 14 / height,
+    )
+    bottom = height - 62 - head - SIZE
     for k, (name, error) in enumerate(errors.items()):
         axes = add_axes(figure, GAP + k * (SIZE + GAP), bottom, SIZE, SIZE)
         _pattern(axes, name)

@@ -220,7 +220,10 @@ def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, s
         panels.append(Panel(f"t = 1/2, {kind}", image, limits))
     panels.append(Panel("mean over the shutter, exact", means["exact"], limits))
     panels += [Panel(f"mean, {kind}", means[kind], limits) for kind in KINDS]
-    title = f"Irradiance below a still and a moving square, $2^{{{log}}}$ photons (thesis, Sect. 3.1.5)"
+    title = (
+        "Photons stored for intervals of time: less than half as many give the same error\n"
+        f"thesis, Sect. 3.1.5; irradiance below a still and a moving square, $2^{{{log}}}$ photons"
+    )
     figure = image_grid(title, panels, 3, 288, below=470)
     width = figure.get_size_inches()[0] * DPI
     ticks = {2**log: f"$2^{{{log}}}$" for log in size.logs}

@@ -187,7 +187,8 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         caption = f"middle, {name}\nRMS error {errors[name]:.3f}, on the box {of_box[name]:.3f}"
         panels.append(Panel(caption, shown(image)))
     title = (
-        "A prediction of the middle of the shutter (thesis, Fig. 3.3 and 3.4)\n"
+        "Prediction has less than half the error of blending where things move\n"
+        "thesis, Fig. 3.3 and 3.4; the middle of the shutter, predicted\n"
         f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
     )
     figure = image_grid(title, panels, 3, 288, below=330)
@@ -273,7 +274,10 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         Panel("predicted middle; magenta:\nno triangle is drawn there", marked),
         Panel("white: the prediction failed,\ngrey: there was none", bad + 0.5 * holes),
     ]
-    title = "Pixels as moving triangles, and what is corrected (thesis, Fig. 3.6 and 3.7)"
+    title = (
+        "Checking the contrast finds the pixels whose prediction fails\n"
+        "thesis, Fig. 3.6 and 3.7; pixels as moving triangles"
+    )
     figure = image_grid(title, panels, 3, 288, below=380)
     width = figure.get_size_inches()[0] * DPI
     wide = (width - 60) / 3

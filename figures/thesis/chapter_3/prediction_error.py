@@ -183,7 +183,8 @@ def _draw(
         Panel("white: what moves,\ngrey: its shadow", np.asarray(parts)),
     ]
     title = (
-        "Predicted images have less error than plain ones, and a bias (thesis, Sect. 3.3.4)\n"
+        "Predicted images have less error than plain ones, but are biased\n"
+        "thesis, Sect. 3.3.4\n"
         f"our scene, {size.side} x {size.side} pixels, {size.keys} keys"
     )
     figure = image_grid(title, panels, 4, 240, below=430)

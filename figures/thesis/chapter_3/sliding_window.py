@@ -87,7 +87,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel(f"exact coverage in time,\nwhite: {100 * white:.0f} % of the shutter", exact, (0.0, white)),
         Panel("exact, with a colour\nthat fades while it moves", _image(faded, side), (0.0, white)),
     ]
-    title = "Frames from images of others (thesis, Sect. 3.1.3), and a thick line that moves (Sect. 3.2)"
+    title = (
+        "A ring buffer makes each motion-blurred frame from one new image\n"
+        "thesis, Sect. 3.1.3; and a thick moving line, Sect. 3.2"
+    )
     last = max(drift)
     numbers = {
         "measured": {

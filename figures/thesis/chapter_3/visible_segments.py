@@ -40,7 +40,9 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw what one ray sees, and count the intervals of many."""
-    figure = new_figure("What a ray sees while the shutter is open (thesis Fig. 3.2)", 10, 4.2)
+    figure = new_figure(
+        "What a ray sees changes far less often than the worst case of $m^2$\nthesis, Fig. 3.2", 10, 4.2
+    )
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()
     there = np.arange(TRIANGLES)[:, None, None] < CANDIDATES
@@ -61,7 +63,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     kept = [m for m in range(2, TRIANGLES + 1) if np.sum(hit == m) >= 3]
     mean, most = ([float(of(found[hit == m])) for m in kept] for of in (np.mean, np.max))
     axes = figure.add_subplot(grid[:, 1])
-    axes.plot(kept, np.square(kept), color="0.6", ls="--", label="m^2")
+    axes.plot(kept, np.square(kept), color="0.6", ls="--", label="$m^2$, worst case")
     axes.plot(kept, most, ".", color="C1", label="largest number")
     axes.plot(kept, mean, "-", color="C0", label="mean number")
     x, y = "m, triangles that a ray hits at some time", "visible intervals of a ray"

@@ -63,7 +63,10 @@ def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         )
         panels.append(Panel(caption, _false(0.5 + 0.5 * change / most, "RdBu_r")))
         progress(done / len(meshes.MESHES))
-    title = f"Nodes that a ray visits, {side} x {side} pixels\n(thesis Fig. 4.1, on our meshes)"
+    title = (
+        "The optimised tree lets rays visit fewer nodes, except on the terrain\n"
+        f"thesis, Fig. 4.1; nodes visited per ray, our meshes, {side} x {side} pixels"
+    )
     claims = {
         "fewer nodes are traversed after the optimisation, on average over the picture": {
             name: of["mean after"] < of["mean before"] for name, of in measured.items()
@@ -180,7 +183,8 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     split = slant["heuristic"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
     figure = new_figure(
-        "Clusters of two means and their boxes (thesis Fig. 4.2 and 4.3)\n"
+        "2-means can join what the surface area heuristic separates\n"
+        "thesis, Fig. 4.2 and 4.3\n"
         "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
         "part of the smaller box",
         10.2,

@@ -86,7 +86,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel(f"{name}, {spp} spp, Hilbert curve,\nlight by components {SHOWN} and {SHOWN + 1}", image)
         for name, image in images.items()
     ]
-    title = "Initial direction numbers of the Sobol' sequence (thesis Fig. 5.4)"
+    title = (
+        "Joe and Kuo's direction numbers halve the filtered error along a Hilbert curve\n"
+        "thesis, Fig. 5.4; initial direction numbers of the Sobol' sequence"
+    )
     figure = image_grid(title, panels, 2, WIDTH, below=1290)
     for k, (name, matrices) in enumerate(choices.items()):
         shown = point_plots.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)

@@ -66,7 +66,12 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         progress((m - 1) / len(SIZES))
 
     relative = {name: _relative(values) for name, values in measured.items()}
-    figure = new_figure("Minimum distance of (0,m,2)-nets in base 2 (thesis Fig. 5.21 and Table 5.1)", 13, 9)
+    figure = new_figure(
+        "Of all nets compared, permutation nets have the largest minimum distance\n"
+        "thesis, Fig. 5.21 and Table 5.1; (0,m,2)-nets in base 2",
+        13,
+        9,
+    )
     upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
     absolute, packed = upper.subplots(1, 2)
     for name, values in measured.items():
@@ -184,7 +189,8 @@ def thesis_5_22(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         panels.append(Panel(caption, np.fft.fftshift(spectrum)[::-1], (0.0, LARGEST_SHOWN)))
         progress((k + 1) / len(NETS_5_22))
     title = (
-        f"Power spectra of nets, P of white noise is 1 (thesis Fig. 5.22)\n|k| up to {HIGHEST} along both "
+        "Spectra of permutation nets have peaks above half of a lattice's\n"
+        f"thesis, Fig. 5.22; P of white noise is 1\n|k| up to {HIGHEST} along both "
         f"axes, 0 in the middle; black is P = 0, white from {LARGEST_SHOWN:g} on"
     )
     figure = image_grid(title, panels, 3, 2 * (2 * HIGHEST + 1))

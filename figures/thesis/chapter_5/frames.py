@@ -47,7 +47,10 @@ def thesis_5_11(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "the same of four frames of the Sobol' sequence": analysis.min_distance(frames),
         "RMS error of the checkerboard": _errors(),
     }
-    title = "Padded replications: one net, shifted by whole pixels and jittered (thesis Fig. 5.11)"
+    title = (
+        "Shifts keep the minimum distance of a net, but not its elementary intervals\n"
+        "thesis, Fig. 5.11; padded replications: one net, shifted by whole pixels and jittered"
+    )
     return draw_sets(title, "instance", instances), {
         "measured": measured,
         "claims": _claims(measured, [point_plots.holds_one_each(i, 6) for i in instances]),
@@ -78,7 +81,7 @@ def _quality(points: NDArray[np.float64]) -> str:
     distance = analysis.nearest_statistics(points).relative_minimum
     return (
         f"t = {analysis.t_value(points)}, D* = {analysis.star_discrepancy(points):.4f}\n"
-        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of the densest packing's"
+        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of the largest possible"
     )
 
 
@@ -141,7 +144,10 @@ def thesis_5_12(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "first frame": _measures(frames[0]),
         "Larcher-Pillichshammer net": _measures(point_plots.block(net, 64)),
     }
-    title = "One sample per pixel in each frame of the Sobol' sequence (thesis Fig. 5.10, 5.12)"
+    title = (
+        "Frames of the Sobol' sequence are nets, superimposed a larger net\n"
+        "thesis, Fig. 5.10 and 5.12; one sample per pixel in each frame"
+    )
     return draw_sets(title, "frame", frames, middle=0.5 / len(together)), {
         "measured": measured,
         "claims": {

@@ -32,8 +32,11 @@ def thesis_5_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
-    title = "(0,m,3)-nets from the Sobol' and from the modified sequence (thesis Fig. 5.5)"
-    figure = new_figure(title, 8, 5, fontsize=9)
+    title = (
+        "The modified net's minimum distance shrinks more smoothly than the Sobol' net's\n"
+        "thesis, Fig. 5.5; (0,m,3)-nets"
+    )
+    figure = new_figure(title, 8, 5)
     draw_distances(figure.subplots(), sizes, distances, STYLES)
     not_ahead = [m for m, a, b in zip(sizes, *squared.values(), strict=True) if b <= a]
     roughness = {name: residual(np.log(values)) for name, values in distances.items()}
@@ -112,7 +115,8 @@ def thesis_5_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     pairs["searched, order 7 (Fig. 5.6)"] = (found.matrices[0].astype(int), found.matrices[1].astype(int))
 
     figure = new_figure(
-        "Matrices of (0,2)-sequences, zeros dark, U all ones, and 128 points (thesis Fig. 5.6 to 5.8)",
+        "A search finds matrices of larger distance than those with a pattern\n"
+        "thesis, Fig. 5.6 to 5.8; matrices of (0,2)-sequences (zeros dark, U all ones) and 128 points",
         16,
         8.6,
     )
@@ -184,7 +188,12 @@ def thesis_5_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         progress(2.0 ** (m - sizes[-1]))
     distances = {name: np.sqrt(values) / 2.0 ** np.array(sizes) for name, values in squared.items()}
 
-    figure = new_figure("(0,m,3)-nets from searched (0,2)-sequence matrices (thesis Fig. 5.9)", 13, 6)
+    figure = new_figure(
+        "Searched matrices reach a larger distance at m = 13 than both other sequences\n"
+        "thesis, Fig. 5.9; (0,m,3)-nets",
+        13,
+        6,
+    )
     layout = figure.subplot_mosaic("abddd;efddd")
     pairs = {
         "searched net": _matrices(sequences.optimized_net_3d(M_5_9)),

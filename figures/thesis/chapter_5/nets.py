@@ -20,7 +20,9 @@ def thesis_5_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     """Draw a (0,4,2)-net over every kind of elementary interval."""
     points = point_plots.block(sequences.larcher_pillichshammer_net(M_5_2), 2**M_5_2)
     figure, axes = point_plots.panels(
-        M_5_2 + 1, "All kinds of elementary intervals of area 1/16, and a (0,4,2)-net"
+        M_5_2 + 1,
+        "A net has exactly one point in each elementary interval\n"
+        "thesis, Fig. 5.2; a (0,4,2)-net and all kinds of elementary intervals of area 1/16",
     )
     for i, panel in enumerate(axes):
         point_plots.grid(panel, 2 ** (M_5_2 - i), 2**i)
@@ -43,7 +45,9 @@ def thesis_5_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     blocks = [point_plots.block(seq, 2**M_5_3, k * 2**M_5_3) for k in range(BLOCKS)]
     # In the middle of the cells of all points.
     drawn = [points + 0.5 / (BLOCKS * 2**M_5_3) for points in blocks]
-    figure, axes = point_plots.panels(BLOCKS + 1, "Blocks of the Sobol' (0,2)-sequence (thesis Fig. 5.3)")
+    figure, axes = point_plots.panels(
+        BLOCKS + 1, "Blocks of the Sobol' (0,2)-sequence are nets, and so is their union\nthesis, Fig. 5.3"
+    )
     for k, panel in enumerate(axes[:-1]):
         point_plots.grid(panel, 2 ** (M_5_3 // 2), 2 ** (M_5_3 // 2))
         point_plots.scatter(
@@ -76,7 +80,8 @@ def thesis_5_3_2(quality: str, progress: Callable[[float], None]) -> tuple[Figur
     """Draw the three projections of each net."""
     figure, axes = point_plots.panels(
         12,
-        "Permutation nets in three dimensions, $P_2$ to $P_5$, in the three planes (thesis Sect. 5.3.2)",
+        "Permutation nets in three dimensions have the printed distances\n"
+        "thesis, Sect. 5.3.2; $P_2$ to $P_5$ in the three planes",
         columns=3,
     )
     measured: dict[str, dict] = {}
@@ -125,7 +130,10 @@ PRINTED_5_16 = {3: 8, 5: 32, 7: 128, 4: 13, 6: 53, 8: 241}
 def thesis_5_16(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the nets that the thesis draws."""
     figure, axes = point_plots.panels(
-        6, "Permutation nets for odd and even m (thesis Fig. 5.13 and 5.16)", columns=3
+        6,
+        "Permutation nets have the squared distances that are printed\n"
+        "thesis, Fig. 5.13 and 5.16; odd and even m",
+        columns=3,
     )
     measured: dict[str, int] = {}
     with_origin = {}
@@ -177,7 +185,9 @@ def thesis_5_20(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     ]
     whole = np.concatenate(pattern)
     figure, axes = point_plots.panels(
-        2, "The sheared tiling for m = 6, cut into pixels (thesis Fig. 5.18 to 5.20)"
+        2,
+        "A sheared tiling repeats a net without reducing its minimum distance\n"
+        "thesis, Fig. 5.18 to 5.20; m = 6, cut into pixels",
     )
     figure.set_size_inches(10, 5.6)
     for k, part in enumerate(pattern):
@@ -261,7 +271,10 @@ def _named(way: str, sets: dict[str, NDArray]) -> dict[str, NDArray]:
 
 
 def _draw(sets: dict[str, NDArray]) -> Figure:
-    title = "The (0,6,2)-permutation net, scrambled by Owen's method and rotated (thesis Fig. 5.23)"
+    title = (
+        "Owen scrambling keeps the net but not its distance, a rotation the reverse\n"
+        "thesis, Fig. 5.23; the (0,6,2)-permutation net"
+    )
     figure, axes = point_plots.panels(len(sets), title, columns=4)
     for panel, (name, points) in zip(axes, sets.items(), strict=True):
         distance = analysis.min_distance(points)

@@ -46,7 +46,9 @@ def wrap(points: NDArray[np.int64]) -> NDArray[np.int64]:
 def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the point sets for m = 1, 3, 5, 7, 9, and the last one wrapped."""
     figure, axes = point_plots.panels(
-        6, f"Iterative construction of the (0,{M_5_14},2)-permutation net (thesis Fig. 5.14)", columns=3
+        6,
+        "The iterative construction gives a (0,9,2)-net of squared distance $2^9$\nthesis, Fig. 5.14",
+        columns=3,
     )
     figure.set_size_inches(11, 4.6)
     net = construct(axes, range(1, M_5_14 + 1, 2), unwrapped_odd, 2)
@@ -116,7 +118,7 @@ def unwrapped_even(m: int) -> NDArray[np.int64]:
 def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the point sets for m = 4, 6, 8, and the last one wrapped."""
     figure, axes = point_plots.panels(
-        4, f"Iterative construction of the (0,{M_5_17},2)-permutation net (thesis Fig. 5.17)"
+        4, "The iterative construction gives a (0,8,2)-net of squared distance 241\nthesis, Fig. 5.17"
     )
     figure.set_size_inches(13, 3.4)
     net = construct(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
@@ -149,7 +151,12 @@ def thesis_5_15(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     """Draw the six shapes of elementary intervals for m = 5, by case of the proof."""
     n, half = 2**M_5_15, M_5_15 // 2
     points = point_plots.words(sequences.permutation_net(M_5_15), M_5_15)
-    figure, axes = point_plots.panels(6, "Cases in the proof for m = 5 (thesis Fig. 5.15)", columns=3)
+    figure, axes = point_plots.panels(
+        6,
+        "The theorem on permutation nets holds, two of its printed formulas do not\n"
+        "thesis, Fig. 5.15; cases in the proof for m = 5",
+        columns=3,
+    )
     counts = {}
     for (log_width, case), panel in zip(CASES.items(), axes, strict=True):
         log_height = M_5_15 - log_width

@@ -23,7 +23,10 @@ LATTICE = "rank-1 lattice"
 
 def thesis_6_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
-    title = "The Cornell box, 64 samples per pixel, and a magnified area (thesis Fig. 6.5)"
+    title = (
+        "Cornell box: rotated nets have less error than random points and the lattice\n"
+        "thesis, Fig. 6.5; 64 samples per pixel, and a magnified area"
+    )
     errors, waves = motion_blur.over_keys("cornell_box", (*NETS, *FULL, LATTICE), quality)
     claims = partial(_claims_6_5, errors, waves)
     figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP_6_5, claims, quality, progress)
@@ -78,7 +81,7 @@ WHY_6_6 = (
 
 def thesis_6_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
-    title = "The Cornell box: error over samples per pixel (thesis Fig. 6.6)"
+    title = "Cornell box: nets and lattices have less error than random samples\nthesis, Fig. 6.6"
     figure, numbers = motion_blur.convergence("cornell_box", title, (16, 7), _claims_6_6, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY_6_6}
 
@@ -110,7 +113,10 @@ CROP_6_7 = (0.62, 0.4, 0.3)
 
 def thesis_6_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
-    title = "The helicopter, 64 samples per pixel, and a magnified area (thesis Fig. 6.7)"
+    title = (
+        "Helicopter: full-screen Sobol' nets have the least error\n"
+        "thesis, Fig. 6.7; 64 samples per pixel, and a magnified area"
+    )
     return motion_blur.pictures("helicopter", title, CROP_6_7, _claims_6_7, quality, progress)
 
 
@@ -135,7 +141,7 @@ WHY_6_8 = (
 
 def thesis_6_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
-    title = "The helicopter: error over samples per pixel (thesis Fig. 6.8)"
+    title = "Helicopter: nets have less error than the lattice, and both less than random\nthesis, Fig. 6.8"
     figure, numbers = motion_blur.convergence("helicopter", title, (16, 7), _claims_6_8, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY_6_8}
 

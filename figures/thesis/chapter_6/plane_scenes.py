@@ -18,6 +18,7 @@ from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import pixel_sets
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.panels import write_title
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
@@ -105,7 +106,7 @@ def pictures(
     lines = {name: _line((image - reference)[area]) for name, image in images.items()}
     progress(0.9)
     images = {"exact reference": reference, **images}
-    figure = _sheet(images, captions, f"{title}\n{side} x {side} pixels, box filter, one key", area)
+    figure = _sheet(images, captions, f"{title}; {side} x {side} pixels, box filter, one key", area)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -220,7 +221,7 @@ def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: s
     """Draw errors of the whole image, and these times n^0.75; below there is room for a row of images."""
     width, height, below = 2400, 1300, 440
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    figure.suptitle(title, y=1 - 16 / height, fontsize=11)
+    write_title(figure, title, y=1 - 16 / height)
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     for k, times in enumerate((0.0, 0.75)):
         axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 170)
@@ -243,10 +244,10 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
     scale = 3 * rms(list(found.values()))
     zoom = 352 // part
     for k, (name, error) in enumerate(found.items()):
-        caption = f"{name}, {SHOWN} spp" + (
-            f"\nerrors of an area: black {-scale:.2g}, white {scale:.2g}" if k == 0 else ""
-        )
-        plot.place(figure, error, 40 + 392 * k, 24, zoom, title=caption, limits=(-scale, scale))
+        plot.place(figure, error, 40 + 392 * k, 24, zoom, title=f"{name}, {SHOWN} spp", limits=(-scale, scale))
+    text = f"errors in an area, all from {-scale:.2g} (black) to {scale:.2g} (white)"
+    width, height = figure.get_size_inches() * DPI
+    figure.text(40 / width, 420 / height, text, fontsize=9)
 
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:
@@ -261,7 +262,10 @@ CROP_6_1 = (0.375, 0.0, 0.25)
 
 def thesis_6_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
-    title = "The checkerboard, 64 samples per pixel, and a magnified area (thesis Fig. 6.1)"
+    title = (
+        "Checkerboard at 64 samples per pixel: the rotated lattice leaves a line\n"
+        "thesis, Fig. 6.1; and a magnified area"
+    )
     return pictures(scenes.checkerboard(), title, CROP_6_1, quality, progress)
 
 
@@ -297,7 +301,7 @@ def _similar(errors: list[list[float]]) -> bool:
 
 def thesis_6_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
-    title = "Convergence on the checkerboard (thesis Fig. 6.2)"
+    title = "Checkerboard: Larcher-Pillichshammer is best at most sample counts\nthesis, Fig. 6.2"
     return convergence(scenes.checkerboard(), title, CROP_6_1, _claims_6_2, quality, progress)
 
 
@@ -306,7 +310,10 @@ CROP_6_3 = (0.7, 0.7, 0.25)
 
 def thesis_6_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
-    title = "The zone plate test pattern, 64 samples per pixel, and a magnified area (thesis Fig. 6.3)"
+    title = (
+        "Zone plate at 64 samples per pixel: here the rotated lattice leaves no line\n"
+        "thesis, Fig. 6.3; and a magnified area"
+    )
     return pictures(scenes.zone_plate(), title, CROP_6_3, quality, progress)
 
 
@@ -323,9 +330,9 @@ LARCHER = "Larcher-Pillichshammer"
 
 def thesis_6_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
-    title, scene = "Convergence on the zone plate (thesis Fig. 6.4)", scenes.zone_plate()
+    title = "Zone plate: in places nets and lattices are worse than the jittered grid\nthesis, Fig. 6.4"
     claims = partial(_claims_6_4, quality)
-    return convergence(scene, title, CROP_6_3, claims, quality, progress)
+    return convergence(scenes.zone_plate(), title, CROP_6_3, claims, quality, progress)
 
 
 def _claims_6_4(quality: str, errors: dict, sets: Sets) -> Claims:

@@ -105,7 +105,7 @@ def convergence(
     for power in powers:
         rate = start * (x / x[0]) ** (power + times)
         ax.plot(x, rate, ":", color=_RATE, lw=0.8, zorder=0)
-        named.append((f"$n^{{{power:g}}}$", rate[-1], _RATE))
+        named.append((f"rate $n^{{{power:g}}}$", rate[-1], _RATE))
     if floor:
         ax.plot(x, floor * scale, "-", color="0.6", lw=0.8, zorder=0)
         ax.annotate("error of the reference", (x[0], floor * scale[0]), fontsize=8, color="0.4", va="bottom")

@@ -49,7 +49,7 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
     side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS[quality], scenes.occluder()
     exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
-    panels = [magnify("occluder\nreference", exact.image, CROP)]
+    panels = [magnify("reference", exact.image, CROP)]
     measured: dict[str, dict[str, float]] = {}
     for name, sampler in make_samplers(scene.needs, side).items():
         image = images[name] = scene_images.image(scene, sampler, side, SPP)

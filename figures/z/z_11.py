@@ -30,7 +30,7 @@ SAME = 1.15
 """Up to this factor errors are almost identical."""
 
 NOTE = (
-    f"{pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided among {{keys}} keys; "
+    f"{pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided among {{keys}}; "
     "scenes of the package for those of the paper: sports for motion blur, defocus for depth of field, the "
     "interior for path tracing, with {bounces} bounces, and the caustic for bidirectional path tracing. "
     "Intervals are those of the means of logarithms over the sets, as wide as the bands: few pixels have "
@@ -55,10 +55,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "interior": scenes.interior(BOUNCES[quality]),
         "caustic": scenes.caustic(),
     }
+    many = f"{len(keys)} key" + "s" * (len(keys) > 1)
     figure = new_figure(
         "On rendered scenes no difference between Z and the (0,2)-sequence is certain\n"
         "Z paper, Fig. 11\n"
-        f"our scenes, {side} x {side} pixels, {len(keys)} keys; ranked keys: ours, after Heitz et al.",
+        f"our scenes, {side} x {side} pixels, {many}; ranked keys: ours, after Heitz et al.",
         11,
         8.5,
     )
@@ -81,9 +82,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         curves, bands = pixel_sets.curves(found, counts)
         title = f"{title}: {z_renderings.EFFECTS[title]}"
         plot.convergence(counts, curves, bands=bands, floor=floor, title=title, ax=axes)
-    note = NOTE.format(
-        side=side, each=PIXELS[quality], keys=len(keys), bounces=BOUNCES[quality], origins=origins
-    )
+    note = NOTE.format(side=side, each=PIXELS[quality], keys=many, bounces=BOUNCES[quality], origins=origins)
     last = counts[-1]
     at_last, over_counts = _at(errors, last), _over(errors, counts)
     measured = {

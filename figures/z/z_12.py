@@ -69,7 +69,7 @@ NOTE = (
     "and v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that "
     "the paper prints; 'Z joint' has one sequence of five dimensions and one order. "
     f"The reference is {{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided "
-    "among {keys} keys, with intervals from the sets. Filtered errors: "
+    "among {keys}, with intervals from the sets. Filtered errors: "
     f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} keys. " + diffusion.EXPLAINED
 )
 
@@ -123,7 +123,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     figure = _sheet(insets | {"reference": exact.image}, counts, errors, exact)
     note = NOTE.format(
-        side=side, origin=exact.origin, each=PIXELS[quality], keys=len(keys), judged=JUDGED_KEYS[quality]
+        side=side,
+        origin=exact.origin,
+        each=PIXELS[quality],
+        keys=f"{len(keys)} key" + "s" * (len(keys) > 1),
+        judged=JUDGED_KEYS[quality],
     )
     last = counts[-1]
     measured = {
@@ -170,7 +174,8 @@ def _sheet(
     title = (
         "Hashing and large tables are alike, a single letter hinders convergence\n"
         f"Z paper, Fig. 12; images at {SPP} samples per pixel\n"
-        f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels"
+        f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels; "
+        "hash: ours; multiplicative: the paper's $Z_{hash}$"
     )
     panels = []
     for name, image in insets.items():

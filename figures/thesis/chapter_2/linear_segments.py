@@ -175,9 +175,9 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):
-        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turn" + "s" * (turns != 1))
+        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turn" + "s" * (turns > 1))
     axes[-1].axhline(ALLOWED, color="k", lw=0.6, ls=":", label=f"{ALLOWED:.0%} of the radius")
-    name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="best")
+    name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="lower left")
 
     enough = {turns: int(np.ceil(np.pi * turns / np.arccos(1 - ALLOWED))) for turns in TURNS}
     around = {turns: [_error(turns, n - 1), _error(turns, n)] for turns, n in enough.items()}

@@ -157,7 +157,7 @@ def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high
         if label in ("start", "end") or angle != stop:
             axes.add_patch(Polygon(turned(angle), fill=False, edgecolor=color, lw=1.5, label=label))
             axes.plot(*turned(angle)[-1], "o", color=color, ms=5)
-    axes.plot(0, 0, "k+", ms=8)
+    axes.plot(0, 0, "k+", ms=8, label="centre of rotation")
     axes.set(aspect="equal", xlim=(-1.0, 2.4), ylim=(-2.0, 2.1))
     axes.set_axis_off()
     axes.set_title(f"{name}: {-np.degrees(stop):.0f}°", fontsize=9)

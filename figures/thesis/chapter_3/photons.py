@@ -227,7 +227,9 @@ def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, s
     figure = image_grid(title, panels, 3, 288, below=470)
     width = figure.get_size_inches()[0] * DPI
     ticks = {2**log: f"$2^{{{log}}}$" for log in size.logs}
-    for place, part in enumerate(("still", "moving")):
+    parts = ("still", "moving")
+    shown = [of[part] for by_count in found.values() for of in by_count.values() for part in parts]
+    for place, part in enumerate(parts):
         axes = add_axes(figure, 90 + place * (width / 2 - 20), 80, width / 2 - 130, 330)
         for kind, color in KINDS.items():
             errors = {count: of[part] for count, of in found[kind].items()}
@@ -237,5 +239,5 @@ def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, s
         )
         legend = "" if place else "lower left"
         name_axes(axes, "photons", y, title, log="xy", ticks=ticks, few_decades=True, legend=legend)
-        axes.set_ylim(0.03, 0.4)
+        axes.set_ylim(0.8 * min(shown), 1.2 * max(shown))
     return figure

@@ -221,7 +221,6 @@ def _draw(found: dict[str, dict[str, Way]]) -> Figure:
         "small triangles fly",
         3.6 * len(found),
         6.6,
-        fontsize=11,
     )
     panels = figure.subplots(2, len(found), squeeze=False)
     for column, (name, of) in enumerate(found.items()):

@@ -189,7 +189,6 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "part of the smaller box",
         10.2,
         6.4,
-        fontsize=11,
     )
     panels = figure.subplots(2, 3)
     above = {

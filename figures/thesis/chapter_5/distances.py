@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import analysis
@@ -40,6 +41,8 @@ NETS_5_21 = {
     "permutation": sequences.permutation_net,
 }
 SIZES = range(2, 17)
+LABELS = {"optimised matrices": "our optimised matrices"}
+"""In pictures, of names that would be taken for the thesis's own."""
 STYLES = {"permutation, not sheared": plot.Style("C1", "x", ":")}
 NOTE = (
     "Squared distances on the integer grid. Permutation nets of even m: with the sheared tiling, whose "
@@ -77,7 +80,7 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     for name, values in measured.items():
         drawn = STYLES.get(name) or plot.style(name)
         for axes, of in ((absolute, np.sqrt(values) / 2.0 ** np.array(SIZES)), (packed, relative[name])):
-            curve(axes, dict(zip(SIZES, of, strict=True)), drawn, ms=5, lw=1.2, label=name)
+            curve(axes, dict(zip(SIZES, of, strict=True)), drawn, ms=5, lw=1.2, label=LABELS.get(name, name))
     x = "m (the net has $2^m$ points)"
     name_axes(absolute, x, "toroidal minimum distance on the unit square", log="y", ticks=SIZES)
     name_axes(packed, x, "minimum distance / that of the densest packing", ticks=SIZES)
@@ -85,8 +88,8 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     packed.axhline(1, color="0.6", lw=0.8)
     packed.annotate("hexagonal lattice", (SIZES[-1], 1), va="bottom", ha="right", fontsize=8, color="0.4")
     upper.legend(*absolute.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
-    _draw_table(lower.subplots(), measured)
     misprints = _misprints()
+    _draw_table(lower.subplots(), measured, misprints)
     numbers = {
         "measured": {
             **_by_size(measured),
@@ -142,23 +145,30 @@ def _claims(measured: dict[str, list[int]], misprints: dict[str, str]) -> dict[s
     }
 
 
-def _draw_table(axes, measured: dict[str, list[int]]) -> None:
+def _draw_table(axes: Axes, measured: dict[str, list[int]], misprints: dict[str, str]) -> None:
     axes.axis("off")
     rows = []
     for k, m in enumerate(SIZES):
         row = [str(m)]
         for name, values in measured.items():
             printed = PRINTED[name][k] if name in PRINTED else values[k]
-            agrees = "" if printed == values[k] else f"  (printed: {printed})"
-            row.append(rf"$\sqrt{{{values[k]}}}/2^{{{m}}} = {np.sqrt(values[k]) / 2**m:.8f}${agrees}")
+            differs = "*" if f"{name}, m = {m}" in misprints else ""
+            if printed != values[k]:
+                differs += rf"  (thesis: $\sqrt{{{printed}}}$)"
+            row.append(rf"$\sqrt{{{values[k]}}}/2^{{{m}}} = {np.sqrt(values[k]) / 2**m:.8f}${differs}")
         rows.append(row)
     table = axes.table(
-        rows, colLabels=["m", *measured], colWidths=[0.04, 0.17, 0.19, 0.24, 0.18, 0.18], loc="center"
+        rows,
+        colLabels=["m", *(LABELS.get(name, name) for name in measured)],
+        colWidths=[0.04, 0.17, 0.19, 0.24, 0.18, 0.18],
+        loc="center",
     )
     table.auto_set_font_size(False)
     table.set_fontsize(8)
     table.scale(1, 1.05)
-    axes.set_title("Table 5.1, measured (where it differs from print, the printed radicand follows)")
+    axes.set_title(
+        "Table 5.1, measured, with the thesis's root where it differs (*: decimals are misprinted there)"
+    )
 
 
 NETS_5_22 = {
@@ -182,7 +192,7 @@ def thesis_5_22(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         spectrum[0, 0] = 0.0
         measured[name] = of = _statistics(spectrum, 2**m)
         caption = (
-            f"{name}, {2**m} points\nhighest P = {of['highest power / n']:.2f} n,\n"
+            f"{LABELS.get(name, name)}, {2**m} points\nhighest P = {of['highest power / n']:.2f} n,\n"
             f"{of[SHARE]:.0%} of the power in the strongest 1 % of frequencies"
         )
         # Frequencies upward, as the thesis draws points.

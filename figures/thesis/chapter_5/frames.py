@@ -81,7 +81,7 @@ def _quality(points: NDArray[np.float64]) -> str:
     distance = analysis.nearest_statistics(points).relative_minimum
     return (
         f"t = {analysis.t_value(points)}, D* = {analysis.star_discrepancy(points):.4f}\n"
-        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of the largest possible"
+        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of a hexagonal lattice's"
     )
 
 

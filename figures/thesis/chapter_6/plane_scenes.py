@@ -244,7 +244,9 @@ def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, fl
     scale = 3 * rms(list(found.values()))
     zoom = 352 // part
     for k, (name, error) in enumerate(found.items()):
-        plot.place(figure, error, 40 + 392 * k, 24, zoom, title=f"{name}, {SHOWN} spp", limits=(-scale, scale))
+        plot.place(
+            figure, error, 40 + 392 * k, 24, zoom, title=f"{name}, {SHOWN} spp", limits=(-scale, scale)
+        )
     text = f"errors in an area, all from {-scale:.2g} (black) to {scale:.2g} (white)"
     width, height = figure.get_size_inches() * DPI
     figure.text(40 / width, 420 / height, text, fontsize=9)

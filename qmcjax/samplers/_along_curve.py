@@ -38,12 +38,12 @@ def plus(index: Index, other: Index | Array) -> Index:
 
 
 def needed(samples: int, sequence: Sequence) -> bool:
-    """Return whether to use 64-bit indices: if there are more than 2**32 and the sequence supports them."""
+    """Return whether to use 64-bit indices: for more than 2**32 points, if the sequence supports them."""
     return samples > checks.INDEX_LIMIT and sequence.limit_64 > sequence.limit
 
 
 def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-    """Return the points of 64-bit indices, below 2**32 bit-identical with those of 32-bit indices."""
+    """Return the points at 64-bit indices; below 2**32 they are bit-identical to those at 32-bit indices."""
     high, low = index
     beyond = sequence.with_high_word(high).coordinates(low, dims, dtype)
     if isinstance(sequence, BinarySequence):
@@ -64,7 +64,7 @@ class Strided(AlongCurve):
 
     @property
     def _limit(self) -> int:
-        """Number of indices; sample numbers have 32 bits in any case."""
+        """Number of indices; sample numbers always have 32 bits."""
         return min(self.sequence.limit_64, self.order.length * checks.INDEX_LIMIT)
 
     @property
@@ -83,7 +83,7 @@ class Strided(AlongCurve):
 
 @frozen_pytree
 class Contiguous(AlongCurve):
-    """Pixel p of the curve takes the points spp * p, ..., spp * p + spp - 1."""
+    """Pixel p of the curve takes points spp * p, ..., spp * p + spp - 1."""
 
     spp: int = field(metadata={"static": True})
 
@@ -106,12 +106,12 @@ class Contiguous(AlongCurve):
         return needed(self.order.length * self.spp, self.sequence)
 
     def at_frame(self, frame: Array | int) -> "Contiguous":
-        """Return the sampler of another frame of an animation; its program is the same.
+        """Return the sampler of another frame of an animation, without recompilation.
 
         Parameters
         ----------
         frame : int, or integer Array of shape ()
-            Below the padded number of frames of an order of pixels and frames.
+            For an order of pixels and frames, below its padded number of frames.
         """
         moved = {
             name: part.at_frame(frame)
@@ -134,14 +134,14 @@ def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Conti
     order : Order, the curve, for one size of image
         Or an order of pixels and frames, as :func:`qmcjax.orders.morton3`.
     spp : int
-        Points in the block of a pixel, at least 1. Powers of the base of the sequence are best. The sequence
-        must have ``order.length * spp`` points.
+        Points in the block of a pixel, at least 1, preferably a power of the base of the sequence. The
+        sequence must have ``order.length * spp`` points.
 
     Returns
     -------
     Contiguous
-        The sampler of frame 0. ``sampler.at_frame(t)`` is that of frame t, for an order of pixels and frames,
-        or a sequence that moves in time, by :func:`qmcjax.sequences.in_time`.
+        The sampler of frame 0. With an order of pixels and frames, or a sequence that moves in time
+        (:func:`qmcjax.sequences.in_time`), ``sampler.at_frame(t)`` is the sampler of frame t.
 
     Notes
     -----
@@ -150,8 +150,9 @@ def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Conti
     ``components`` and ``rotate`` of these; in base 2 also ``digital_shift``, ``owen`` and ``owen_exact``.
 
     Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``owen``,
-    ``digital_shift`` or ``rotate``. Within one image, the first samples of all pixels may share an interval
-    of length 1 / spp of a coordinate: images of fewer samples are then one-sided, but not over keys.
+    ``digital_shift`` or ``rotate``. For a single key, the first samples of all pixels may lie in the same
+    interval of length 1 / spp of a coordinate: an image of fewer samples than spp is then biased, but its
+    mean over keys is not.
 
     References
     ----------
@@ -178,17 +179,17 @@ def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Conti
 
 @frozen_pytree
 class Segments(Strided):
-    """In an iteration of n samples after the first S, pixel j takes n points from point S N + j n on."""
+    """In an iteration of n samples after the first S, pixel j takes n points, starting at point S N + j n."""
 
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in the first iteration."""
     doubling: bool = field(metadata={"static": True})
-    """Whether each further iteration has as many samples as all before, otherwise as the first."""
+    """Whether each further iteration has as many samples as all previous ones together, or as the first."""
     short: bool = field(default=False, metadata={"static": True}, kw_only=True)
 
     @property
     def most(self) -> int:
-        """Largest number of samples in whole iterations for which the indices suffice."""
+        """Largest number of samples, in whole iterations, that the indices allow."""
         iterations = self._limit // (self.order.length * self.spp)
         return self.spp * (2 ** (iterations.bit_length() - 1) if self.doubling else iterations)
 
@@ -209,7 +210,7 @@ class Segments(Strided):
         return self.sequence.coordinates(index, dims, dtype)
 
     def _iteration(self, sample: Array) -> tuple[Array, Array]:
-        """Return the numbers of samples of a pixel before the iteration of a sample, and in it."""
+        """Return a pixel's number of samples before the iteration that contains a sample, and in it."""
         spp = np.uint32(self.spp)
         rounds = sample // spp
         if not self.doubling:
@@ -233,34 +234,35 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     ----------
     order : Order, the curve, for one size of image
     spp : int
-        Samples of a pixel in the first iteration, at least 1. Powers of the base of the sequence are best.
+        Samples per pixel in the first iteration, at least 1, preferably a power of the base of the sequence.
     doubling : bool
-        Whether each further iteration doubles the number of samples of a pixel: iterations of spp, spp, 2
-        spp, 4 spp. By default all iterations have spp.
+        Whether each further iteration doubles the number of samples per pixel: iterations of spp, spp, 2
+        spp, 4 spp samples. By default every iteration has spp.
 
     Returns
     -------
     Segments
-        Renders any number of samples up to ``most``, best whole iterations. More than 2**32 samples of all
-        pixels need 64-bit indices, see :func:`contiguous`. Points do not depend on the width of indices.
+        Renders any number of samples up to ``most``, preferably whole iterations. More than 2**32 samples in
+        the image need 64-bit indices, see :func:`contiguous`. The points do not depend on the index width.
 
     Warns
     -----
     UserWarning
         If all iterations have spp samples, and a component is a radical inverse (see :func:`partitioned`) in
-        a base that is not co-prime to N. As an iteration advances the index by a multiple of N, one of its
-        digits never changes within a pixel: the component is not uniform there for any number of samples, and
-        the image does not converge. :func:`qmcjax.sequences.components` removes it, :func:`partitioned` uses
-        it.
+        a base that is not coprime to N. An iteration advances the index by a multiple of N, so one of its
+        digits never changes within a pixel: there the component is not uniform for any number of samples, and
+        the image does not converge. :func:`qmcjax.sequences.components` removes this component;
+        :func:`partitioned` makes use of it.
 
     Notes
     -----
-    The union over all pixels is, after iterations of S samples in all, the first S N points of the sequence:
-    of a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b these are S that are
-    powers of b; with ``doubling``, b = 2 and spp a power of two, all iterations. In each pixel an iteration
-    of b**k samples is a (0,k,2)-net if its block is aligned, as it is under the same conditions. The union of
-    several iterations in one pixel is not a net: their points are as close as with leapfrogging, although
-    with ``doubling`` the last block alone is half of the samples, and the image converges.
+    After iterations with S samples in total, the union over all pixels is the first S N points of the
+    sequence: for a (0,2)-sequence in base b a (0,m,2)-net if S N = b**m. For curves in base b, S must be a
+    power of b; with ``doubling``, b = 2 and spp a power of two, this holds for every iteration. In each pixel
+    an iteration of b**k samples is a (0,k,2)-net if its block is aligned, which the same conditions ensure.
+    The union of several iterations in one pixel is not a net: their points are as close together as with
+    leapfrogging, although with ``doubling`` the last block alone has half of the samples, and the image
+    converges.
 
     The paper does not specify which rate doubles. Here it is the sampling rate of the image, not that of the
     iteration, so segments start at multiples of their length and rates are powers of two.

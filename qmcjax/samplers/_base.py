@@ -20,13 +20,13 @@ class Sampler(abc.ABC):
     """A function from pixel and sample to a point.
 
     Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's. Subclasses
-    are frozen dataclass pytrees that implement ``dims`` and :meth:`points`; :meth:`prepare` for work shared
-    by the samples of a pixel; ``limits`` if they are made for a number of samples; :meth:`check` if they are
-    made for one image size.
+    are frozen dataclass pytrees that implement ``dims`` and :meth:`points`. They override :meth:`prepare` if
+    the samples of a pixel share work, ``limits`` if the number of samples is limited, and :meth:`check` if
+    they are made for one image size.
     """
 
     _limited = "for this sampler"
-    """Why there are no more samples, in messages."""
+    """Reason for the limit on the number of samples, for error messages."""
 
     @property
     @abc.abstractmethod
@@ -35,11 +35,11 @@ class Sampler(abc.ABC):
 
     @property
     def limits(self) -> tuple[int, int, int]:
-        """Largest numbers of columns, rows, and samples of a pixel: 2**32 each by default."""
+        """Largest numbers of columns, rows, and samples per pixel: 2**32 each by default."""
         return checks.INDEX_LIMIT, checks.INDEX_LIMIT, checks.INDEX_LIMIT
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the state shared by all samples of some pixels, for :meth:`points`.
+        """Return the state shared by all samples of the given pixels, for :meth:`points`.
 
         Loops over samples, as in :func:`qmcjax.render`, compute it once: XLA does not hoist loop invariants,
         such as the position on a curve, that increase memory.
@@ -59,7 +59,7 @@ class Sampler(abc.ABC):
     def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
         """Return the state of :meth:`prepare` for all pixels of an image, in its shape.
 
-        Samplers override it if neighbours share work.
+        Samplers override it if neighbouring pixels share work.
 
         Parameters
         ----------
@@ -93,9 +93,9 @@ class Sampler(abc.ABC):
     def consecutive(
         self, state: Any, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
-        """Return the samples ``block * count``, ``block * count + 1``, ... of some pixels.
+        """Return the samples ``block * count``, ``block * count + 1``, ... of the given pixels.
 
-        For loops over samples that evaluate a few together: samplers override it if consecutive samples of a
+        For loops over samples that evaluate a few at a time. Samplers override it if consecutive samples of a
         pixel share work.
 
         Parameters
@@ -116,7 +116,7 @@ class Sampler(abc.ABC):
         return made
 
     def unrolled(self, dims: tuple[int, ...]) -> int:
-        """Return the best number of samples per iteration of such a loop, a power of two.
+        """Return the best number of samples per iteration for :meth:`consecutive`, a power of two.
 
         Parameters
         ----------
@@ -125,7 +125,7 @@ class Sampler(abc.ABC):
         Returns
         -------
         int
-            Larger numbers are faster as long as compilers vectorise the program.
+            Larger numbers are faster as long as the compiler vectorises the program.
         """
         return 8 if len(dims) <= 2 else 2
 
@@ -139,13 +139,13 @@ class Sampler(abc.ABC):
         Returns
         -------
         Sampler
-            ``self`` by default. Samplers without a fixed number of samples override it if fewer have a faster
-            program.
+            ``self`` by default. Samplers without a fixed number of samples override it if fewer samples run
+            faster.
         """
         return self
 
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler has this image size and number of samples.
+        """Raise unless the sampler supports this image size and number of samples.
 
         Parameters
         ----------
@@ -156,7 +156,7 @@ class Sampler(abc.ABC):
         self._check_count(checks.integer("spp", spp, 1, checks.INDEX_LIMIT))
 
     def _check_count(self, spp: int, limit: int | None = None) -> None:
-        """Raise for more samples than there are, by default those of ``limits``."""
+        """Raise if there are fewer samples, by default those of ``limits``."""
         limit = self.limits[2] if limit is None else limit
         if spp > limit:
             raise ValueError(f"spp must be at most {limit} {self._limited}, got {spp}")
@@ -176,7 +176,7 @@ class Sampler(abc.ABC):
         x, y, sample : integer Array, broadcastable, or int
             Column, row, and number of the sample in the pixel. Traced values are not checked.
         dims : tuple of int
-            The wanted coordinates, static; only these are computed.
+            The coordinates to compute, static.
         dtype : float32 or float64
 
         Returns
@@ -228,7 +228,7 @@ class OnRaster(Sampler):
     """A sampler for one image size, which it pads to a raster."""
 
     _sized = "sampler"
-    """What has the size, in messages."""
+    """Name of the object with this size, for error messages."""
 
     @property
     @abc.abstractmethod
@@ -242,7 +242,7 @@ class OnRaster(Sampler):
 
     @property
     def most(self) -> int:
-        """Largest number of samples of a pixel."""
+        """Largest number of samples per pixel."""
         return self.spp  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
@@ -259,7 +259,7 @@ class OnRaster(Sampler):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForImage(OnRaster):
-    """A sampler that pads an image to the smallest square that covers it, its side a power of two."""
+    """A sampler that pads an image to the smallest enclosing square with a power of two as side."""
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})
@@ -280,7 +280,7 @@ class ForImage(OnRaster):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class AlongCurve(OnRaster):
-    """A sampler that takes the points of a sequence in an order of the pixels."""
+    """A sampler that assigns the points of a sequence to the pixels along an order."""
 
     order: Order
     sequence: Sequence

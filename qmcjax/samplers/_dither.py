@@ -1,4 +1,4 @@
-"""Blue noise: one sequence in every pixel, shifted by a mask or with keys of ranks and digits."""
+"""Blue noise: one sequence in every pixel, shifted by a mask, or with ranking and scrambling keys."""
 
 from dataclasses import replace
 from typing import Any
@@ -27,15 +27,15 @@ from qmcjax.sequences import (
 )
 
 _STRIDE = (0.5698402909980532, 0.7548776662466927)
-"""1/p**2 and 1/p, where p**3 = p + 1: their multiples modulo 1 stay far apart."""
+"""1/p**2 and 1/p with p**3 = p + 1: their multiples modulo 1 stay far apart."""
 
 MAX_DIMS_IN_TIME = 64
-"""Those of the sequence whose points shift frames."""
+"""Most dimensions of the sequence that shifts frames."""
 
 
 @frozen_pytree
 class Dithered(InEveryPixel):
-    """Sample s of a pixel is point s of the sequence plus the pixel's vector in a mask, modulo 1."""
+    """Sample s of a pixel is point s of the sequence plus the pixel's vector of a mask, modulo 1."""
 
     offsets: Array
     """uint32 (rows, columns, channels): fractions."""
@@ -44,10 +44,10 @@ class Dithered(InEveryPixel):
     """uint32 scalar."""
 
     def at_frame(self, frame: Array | int) -> "Dithered":
-        """Return the sampler of a frame of an animation, moved by multiples of the golden ratio.
+        """Return the sampler of a frame of an animation, shifted by multiples of the golden ratio.
 
-        Frame t is shifted by point t of :func:`qmcjax.sequences.roberts` with as many dimensions, at most 64.
-        All frames are the same program.
+        Frame t is shifted by point t of :func:`qmcjax.sequences.roberts` in as many dimensions, at most 64.
+        A new frame does not recompile.
 
         Parameters
         ----------
@@ -77,15 +77,15 @@ class Dithered(InEveryPixel):
 def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     """Sample every pixel with the same points, shifted on the torus by its value in a tiled mask.
 
-    With a blue noise mask, :func:`blue_noise_mask`, the values of neighbours differ, and so do their errors:
-    at few samples per pixel the noise is less visible than with independent shifts.
+    With a blue noise mask, as from :func:`blue_noise_mask`, the values of neighbours differ, and so do their
+    errors: at low sampling rates the noise is less visible than with independent shifts.
 
     Parameters
     ----------
     mask : float or uint32 ArrayLike, shape (rows, columns) or (rows, columns, channels)
-        Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. Pixel (x, y) has the shift
+        Floats in [0, 1), rounded down to 32-bit fractions, or these fractions. Pixel (x, y) is shifted by
         ``mask[y % rows, x % columns]``. Further coordinates of the sequence reuse the channels of the mask,
-        each time translated by another long vector.
+        each time translated by a different long vector.
     sequence : Sequence
         Preferably uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not preserve
         elementary intervals.
@@ -93,14 +93,15 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     Returns
     -------
     Dithered
-        ``sampler.at_frame(t)`` is the sampler of frame t of an animation. Sums are exact in base 2; for any
-        other sequence they are rounded once from float64, never to 1. A new mask of the same shape does not
+        ``sampler.at_frame(t)`` is the sampler of frame t of an animation. Sums are exact in base 2; for other
+        sequences they are rounded once from float64, never to 1. A new mask of the same shape does not
         recompile.
 
     Notes
     -----
-    A single sample has the spectrum of the mask where the integrand is nearly linear. With more samples, the
-    errors are periodic functions of the shift that vary faster, and their spectrum approaches white noise.
+    With one sample, the error has the spectrum of the mask where the integrand is nearly linear. With more
+    samples, the error varies faster, as a periodic function of the shift, and its spectrum approaches white
+    noise.
 
     Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``rotate``.
 
@@ -132,19 +133,19 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
     Parameters
     ----------
     channels : int
-        1 for numbers, 2 for vectors.
+        1 for scalars, 2 for vectors.
 
     Returns
     -------
     float64 array, shape (128, 128) or (64, 64, 2)
-        In (0, 1), exact in float32. The n pixels of a channel have the values (k + 1/2) / n, each once.
-        Except for the halves, the vectors are the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
+        In (0, 1), exact in float32. Each value (k + 1/2) / n occurs once among the n pixels of a channel.
+        Except for the 1/2, the vectors are the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
 
     Notes
     -----
     Scalar masks were made by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
-    Vectors were arranged to minimise the energy of [2]_, the sum over pairs of pixels p, q of values u, v in
-    d = 2 dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``; only pixels wrap around.
+    Vectors were arranged to minimise the energy of [2]_: the sum over pairs of pixels p, q with values u, v
+    in d = 2 dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``; only pixels wrap around.
 
     References
     ----------
@@ -164,7 +165,7 @@ def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
 
 @frozen_pytree
 class Ranked(InEveryPixel):
-    """Sample s of a pixel is point s xor its ranking key, xor its scrambling keys, of one sequence."""
+    """Sample s of a pixel is point s ^ ranking key of one sequence, xored with the scrambling keys."""
 
     sequence: BinarySequence
 
@@ -178,8 +179,8 @@ class Ranked(InEveryPixel):
     def at_frame(self, frame: Array | int) -> "Ranked":
         """Return the sampler of a frame of an animation, by :func:`qmcjax.sequences.in_time`.
 
-        Over aligned blocks of frames and samples, each coordinate of a pixel is stratified. All frames are
-        the same program.
+        Over aligned blocks of frames and samples, each coordinate of a pixel is stratified. A new frame does
+        not recompile.
 
         Parameters
         ----------
@@ -208,9 +209,8 @@ class Ranked(InEveryPixel):
 def ranked(dims: int, key: Array | int) -> Ranked:
     """Sample with scrambling and ranking keys that distribute errors as blue noise.
 
-    All pixels have the same Owen-scrambled Sobol' sequence. The scrambling keys of a pixel, one per
-    dimension, are added digitally to its points, its ranking key to the index. A tile of 64 x 64 pixels
-    repeats.
+    All pixels share one Owen-scrambled Sobol' sequence. The scrambling keys of a pixel, one per dimension,
+    are xored to its points, its ranking key to their indices. The keys repeat in tiles of 64 x 64 pixels.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     Returns
     -------
     Ranked
-        Optimised for 1, 2, 4, 8 and 16 samples. Other numbers work; errors are then less blue.
+        Optimised for 1, 2, 4, 8 and 16 samples. Other numbers work, but the errors have more low frequencies.
         ``sampler.at_frame(t)`` is the sampler of frame t of an animation.
 
     Notes
@@ -229,17 +229,17 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     Neither kind of key changes the stratification of a pixel's points: each aligned block of 2**k samples is
     a (t,k,dims)-net with the t of the Sobol' sequence, 0 in two dimensions.
 
-    The keys of a tile are a fixed pool; only their arrangement was searched. The pool is such that the first
-    samples of the pixels of a tile are the first 4096 points of the Sobol' sequence, in their leading 12
-    digits, and that each further sample number has the 4096 points of 16 digitally shifted blocks of 256. So,
-    over all translations, the expectation of each sample of each pixel is the mean of a function over such
-    points, and means over a tile have small errors, whatever the number of samples. Each sample of a pixel,
-    also the first one, is uniform over keys up to the cells of these points, not exactly.
+    The keys of a tile are a fixed pool; only their arrangement was searched. With this pool, the first
+    samples of all pixels of a tile are the first 4096 points of the Sobol' sequence, in their leading 12
+    digits, and each further sample number has the 4096 points of 16 digitally shifted blocks of 256. So, over
+    all translations, the expectation of each sample of each pixel is the mean of the integrand over such
+    points, and means over a tile have small errors for any number of samples. Each sample of a pixel,
+    including the first, is uniform over keys up to the cells of these points, not exactly.
 
-    The arrangement was searched for small errors after a Gaussian low-pass filter of standard deviation 1.5
-    pixels, in mean squares over 1024 random half-spaces as integrands and over prefixes of 1, 2, 4, 8 and 16
-    samples, with weights 4, 2, 1, 1, 1. This is our own optimisation, of both kinds of keys at once, and not
-    that of [1]_. The gain decreases with samples and dimensions: ``_data/README.md`` has measured spectra.
+    The search minimised the mean squared error after a Gaussian filter of standard deviation 1.5 pixels, over
+    1024 random half-spaces as integrands and prefixes of 1, 2, 4, 8 and 16 samples with weights 4, 2, 1, 1,
+    1. It is our own, optimises both kinds of keys at once, and differs from that of [1]_. The gain decreases
+    with samples and dimensions: ``_data/README.md`` lists measured spectra.
 
     References
     ----------

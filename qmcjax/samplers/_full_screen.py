@@ -28,8 +28,8 @@ from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 class HaltonFullScreen(ForImage):
     """A Halton sequence scaled to the smallest raster of 2**a x 3**b pixels that covers the image.
 
-    The first a binary digits of an index give its column, the first b ternary digits its row: so one of each
-    2**a 3**b consecutive points lies in every pixel.
+    The first a binary digits of an index determine its column, the first b ternary digits its row. So every
+    pixel contains exactly one of any 2**a 3**b consecutive points.
     """
 
     sequence: RadicalInverses
@@ -53,7 +53,7 @@ class HaltonFullScreen(ForImage):
 
     @property
     def spp(self) -> int:
-        """Largest number of samples with all indices below 2**32."""
+        """Largest number of samples for which all indices are below 2**32."""
         columns, rows = self.raster
         return checks.INDEX_LIMIT // (columns * rows)
 
@@ -66,18 +66,18 @@ class HaltonFullScreen(ForImage):
         log_columns, log_rows = _exponents(self.width, self.height)
         columns, rows = self.raster
         ones = np.uint32(columns - 1)
-        # The column gives the index modulo 2**a; the bits above are masked below. In two steps: a shift by 32
-        # is not defined.
+        # The column determines the index modulo 2**a; higher bits are masked below. Two shifts, because a
+        # shift by 32 is undefined.
         by_column = (reverse(x) >> 1 >> (31 - log_columns)) ^ self.flips
-        # The row gives it modulo 3**b: its last digit is digit b - 1 of the index.
+        # The row determines it modulo 3**b: its last digit is digit b - 1 of the index.
         by_row = jnp.zeros_like(y)
         for k in reversed(range(log_rows)):
             y, digit = y // np.uint32(3), y % np.uint32(3)
             if self.inverses is not None:
                 digit = permuted_digit(self.inverses[k], digit)
             by_row = by_row * np.uint32(3) + digit
-        # Garner's form of the Chinese remainder theorem with the power of three first: the second digit
-        # is needed modulo a power of two only, exact in words that wrap.
+        # Garner's form of the Chinese remainder theorem, with the power of three first: the second digit is
+        # only needed modulo a power of two, which wrapping integers give exactly.
         second = ((by_column - by_row) * np.uint32(pow(rows, -1, columns))) & ones
         rest = sample * np.uint32(columns) + second
         return rest * np.uint32(rows) + by_row, rest
@@ -88,7 +88,7 @@ class HaltonFullScreen(ForImage):
         log_columns, _ = _exponents(self.width, self.height)
 
         def coordinate(dim: int) -> Array:
-            # The first digits are the pixel; the others give the offset full precision at any resolution.
+            # The first digits select the pixel; the others give the offset full precision at any resolution.
             if dim == 0:
                 return to_unit(reverse((index ^ self.flips) >> log_columns), dtype)
             if dim == 1:
@@ -105,7 +105,7 @@ class HaltonFullScreen(ForImage):
 
 
 def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonFullScreen:
-    """Invert a Halton sequence with the bases 2 and 3 first: :func:`full_screen`, for checked sizes."""
+    """Invert a Halton sequence with bases 2 and 3 first, as in :func:`full_screen`, for checked sizes."""
     if sequence.bases[:2] != (2, 3):
         raise ValueError(
             f"net must have the bases 2 and 3 first to fill a raster, got bases={sequence.bases}"
@@ -131,7 +131,7 @@ def _exponents(width: int, height: int) -> tuple[int, int]:
 
 @partial(jax.jit, static_argnames="log_rows")
 def _inverted(tables: Array, log_rows: int) -> tuple[Array, Array, Array]:
-    """Return the permutations of a sequence that a screen of 3**log_rows rows needs."""
+    """Return the permutations that a screen of 3**log_rows rows needs."""
     binary, start = _permutations(tables, 2, 0)
     ternary, _ = _permutations(tables, 3, start)
     flips = jnp.sum(binary[:, 0] << jax.lax.iota(jnp.uint32, 32), dtype=jnp.uint32)
@@ -142,7 +142,7 @@ def _inverted(tables: Array, log_rows: int) -> tuple[Array, Array, Array]:
 
 
 def _permutations(tables: Array, base: int, start: int) -> tuple[Array, int]:
-    """Return the digit permutations of one base from its reflection tables, and the end of these.
+    """Return the digit permutations of one base from its reflection tables, and where these end.
 
     The entry of a base**k in a table of s digits has digit k, permuted, as its digit s - 1 - k.
     """
@@ -157,7 +157,7 @@ def _permutations(tables: Array, base: int, start: int) -> tuple[Array, int]:
 
 @frozen_pytree
 class FullScreen(ForImage):
-    """A net scaled to the raster."""
+    """A net scaled to the pixel raster."""
 
     net: Invertible
 
@@ -176,8 +176,8 @@ class FullScreen(ForImage):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
         index = self.net.index_in_cell(x, y, self.log_side, sample)
-        # The leading bits of the first two coordinates are the pixel: shifted out, the rest has full
-        # precision at any resolution.
+        # The leading bits of the first two coordinates select the pixel. After shifting them out, the rest
+        # has full precision at any resolution.
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
 
@@ -189,35 +189,35 @@ class FullScreen(ForImage):
 
 
 def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScreen | HaltonFullScreen:
-    """Sample the whole screen with one net, each pixel with the points that fall into it.
+    """Sample the whole screen with one net: each pixel takes the points that fall into it.
 
-    The index of a point follows from its pixel by inverting the net on integers, without tables of pixels.
+    Inverting the net in integer arithmetic gives the indices of a pixel's points, without tables.
 
     Parameters
     ----------
     net : sequence in base 2, or Halton sequence
         An invertible one: a digital sequence, a net with ``index_in_cell``, or
-        :func:`qmcjax.sequences.digital_shift` or ``art_owen`` of one of these. With ``2**k`` the smallest
-        power of two that covers the image, a net of ``2**m`` points puts ``2**(m - 2 k)`` into every pixel,
-        and a digital (0,2)-sequence one point in each frame of ``4**k`` points. A Halton sequence, with
-        permuted digits or not, puts one of each ``2**a * 3**b`` points into every pixel of a raster of
-        ``2**a`` by ``3**b`` pixels, the smallest that covers the image.
+        :func:`qmcjax.sequences.digital_shift` or ``art_owen`` of one of these. If ``2**k`` is the smallest
+        power of two that covers the image, a net of ``2**m`` points has ``2**(m - 2 k)`` in every pixel,
+        and a digital (0,2)-sequence has one of each block of ``4**k`` points. A Halton sequence, with or
+        without permuted digits, has one of each ``2**a * 3**b`` points in every pixel of the smallest raster
+        of ``2**a`` by ``3**b`` pixels that covers the image.
     width, height : int, in [1, 65536]; for a Halton sequence ``2**a * 3**b`` must be at most 2**32
 
     Returns
     -------
     FullScreen or HaltonFullScreen
-        ``spp`` is the number of points in a pixel. A net can only be rendered with this number of samples.
-        For a sequence it is the largest that 32-bit indices allow: for the Halton sequence 11506 for an image
-        of 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
+        ``spp`` is the number of points per pixel. A net must be rendered with exactly this number of samples.
+        For a sequence it is the largest number that 32-bit indices allow: with the Halton sequence 11506 for
+        512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
 
     Notes
     -----
-    The pixel of a point is a function of its leading digits, which a digital shift flips: this is undone
-    before inverting the net. For the Halton sequence, column and row give the index modulo 2**a and 3**b.
+    The leading digits of a point determine its pixel. A digital shift flips them, which is undone before the
+    net is inverted. For the Halton sequence, column and row give the index modulo 2**a and 3**b.
 
-    Each sample of a pixel is uniform over keys after a digital shift and for randomly permuted digits; with
-    ``jittered`` only all samples of a pixel together, since each has its own cell. Others have no key.
+    Each sample of a pixel is uniform over keys after a digital shift, and for randomly permuted digits. With
+    ``jittered``, only all samples of a pixel together are, since each has its own cell. Others have no key.
 
     References
     ----------

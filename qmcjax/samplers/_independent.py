@@ -1,4 +1,4 @@
-"""The same sequence in every pixel, randomised independently, or in every tile."""
+"""The same sequence in every pixel, randomised independently, or interleaved over tiles."""
 
 from collections.abc import Callable
 from dataclasses import field
@@ -36,7 +36,7 @@ _RANDOMIZERS: dict[str, Callable[..., Array]] = {"owen": _owen, "shift": _shift,
 
 @frozen_pytree
 class Independent(InEveryPixel):
-    """The points of a sequence, randomised with a seed from pixel and coordinate."""
+    """The points of a sequence, randomised with a seed for each pixel and coordinate."""
 
     sequence: Sequence
     seeds: Array
@@ -63,12 +63,12 @@ def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -
     key : jax.random.key, or int in [0, 2**32)
     randomize : {"owen", "xor", "shift"}
         Owen scrambling by hashing, xor with a random word (a digital shift), or a random shift modulo 1 (a
-        Cranley-Patterson rotation [2]_), for sequences that are uniform on the torus, like lattices. The sum
-        is exact in base 2; for any other sequence it is rounded once from float64, never to 1.
+        Cranley-Patterson rotation [2]_) for sequences that are uniform on the torus, like lattices. The sum
+        is exact in base 2; for other sequences it is rounded once from float64, never to 1.
 
     Notes
     -----
-    Each sample of each pixel is uniform over keys, also the first one.
+    Each sample of each pixel is uniform over keys, including the first.
 
     References
     ----------
@@ -101,7 +101,7 @@ _ON_SCREEN = 2
 
 @frozen_pytree
 class Interleaved(Sampler):
-    """The pixels of a tile take consecutive blocks of the sequence, the same in every tile."""
+    """The pixels of a tile take consecutive blocks of the sequence; all tiles are equal."""
 
     sequence: Sequence
     spp: int = field(metadata={"static": True})
@@ -152,19 +152,20 @@ class Interleaved(Sampler):
 def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:
     """Sample all tiles of the image with the same points, the pixels of a tile with blocks of one sequence.
 
-    For renderers of whole images at one time, or with one vector of all coordinates but the pixel [1]_ [2]_:
+    For renderers that render whole images at one time, or with one vector of all coordinates but the pixel
+    [1]_ [2]_:
 
     - ``tile=1``: every pixel has the same points, as in an accumulation buffer.
-    - ``tile=1`` with ``positions``: only the position inside the pixel differs: the method of dependent
-      tests. A few samples show as many ghosts of moving objects (strobing).
-    - a larger ``tile``: interleaved sampling. Neighbours have different points, which turns ghosts into
-      a fine pattern.
+    - ``tile=1`` with ``positions``: only the position inside the pixel differs (the method of dependent
+      tests). Each sample shows a ghost of a moving object (strobing).
+    - a larger ``tile``: interleaved sampling. Neighbouring pixels have different points, which turns ghosts
+      into a fine pattern.
 
     Parameters
     ----------
     sequence : Sequence
-        Shared coordinates: all, or those after the first two with ``positions``. At least ``tile**2 * spp``
-        points.
+        The shared coordinates: all, or with ``positions`` those after the first two. At least
+        ``tile**2 * spp`` points.
     spp : int, points in the block of a pixel, at least 1
     tile : int, side of a tile in pixels, at least 1
     positions : Sampler, optional, coordinates 0 and 1; at least two dimensions

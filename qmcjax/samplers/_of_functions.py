@@ -1,4 +1,4 @@
-"""Samplers of users: objects with the methods of one, functions of pixel and sample, functions of a key."""
+"""User-defined samplers: objects with a sampler's methods, functions of pixel and sample, or of a key."""
 
 from collections.abc import Callable
 from dataclasses import field
@@ -24,7 +24,7 @@ _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the met
 
 @frozen_pytree
 class PlugIn(Sampler):
-    """An object with the methods of the protocol, without defaults."""
+    """An object that implements the protocol, without defaults."""
 
     wrapped: Any
 
@@ -80,7 +80,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
     Returns
     -------
     Function
-        Values are rounded to the wanted dtype, but never up to 1.
+        Values are rounded to the requested dtype, but never up to 1.
 
     Examples
     --------
@@ -95,7 +95,7 @@ def function(f: Callable[[Array, Array, Array], Array], dims: int) -> Function:
 
 
 def as_sampler(name: str, value: Any) -> Sampler:
-    """Return an object with the protocol of a sampler as a :class:`Sampler`.
+    """Return an object that implements the sampler protocol as a :class:`Sampler`.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
     Returns
     -------
     Sampler
-        ``value`` itself, if it is one.
+        ``value`` itself if it is one.
     """
     if isinstance(value, Sampler):
         return value
@@ -120,7 +120,7 @@ def as_sampler(name: str, value: Any) -> Sampler:
 
 
 def rounded(values: Any, dtype: DTypeLike) -> Array:
-    """Return floats below 1 in a dtype, never rounded up to 1."""
+    """Round floats below 1 to a dtype, never up to 1."""
     if not jnp.issubdtype(getattr(values, "dtype", np.bool_), jnp.floating):
         raise ValueError(f"sampler must return floats, got {checks.shown(values)}")
     if values.dtype == dtype:
@@ -169,7 +169,7 @@ class Randomized(OfDims):
         number, inside = sample // np.uint32(self.spp), sample % np.uint32(self.spp)
         first = number.min()
 
-        # One pass after the other, from the first to the last: images need only one.
+        # One pass after another, from the first to the last: an image needs only one.
         def fill(k: Array, values: Array) -> Array:
             of_pass = as_sampler("sampler_of_key", self.of_pass(first + k))(x, y, inside, dims, dtype)
             return jnp.where((number == first + k)[..., None], of_pass, values)
@@ -188,10 +188,10 @@ def randomized(
 ) -> Randomized:
     """Sample in passes, each with a freshly randomised sampler.
 
-    Passes are independent and have the same distribution. If each point of a pass is uniformly distributed,
-    the mean over all samples is unbiased, and so is the estimate of its variance from several passes, see
-    :func:`qmcjax.render_passes`. The price is uniformity across passes: the error of p passes decreases as
-    p**-0.5. Each sample is as uniform over keys as that of one pass.
+    Passes are independent and identically distributed. If each point of a pass is uniformly distributed, the
+    mean over all samples is unbiased, and so is the estimate of its variance from several passes, see
+    :func:`qmcjax.render_passes`. The drawback: points of different passes are not jointly uniform, so the
+    error of p passes decreases as p**-0.5. Each sample is as uniform over keys as in a single pass.
 
     Parameters
     ----------
@@ -201,14 +201,14 @@ def randomized(
         to become constants.
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     spp : int, optional
-        Samples of a pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
-        screen this is the largest number that its indices allow: give a smaller one.
+        Samples per pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
+        screen this is the largest number that its indices allow: pass a smaller one.
 
     Returns
     -------
     Randomized
-        A sampler: s is sample ``s % spp`` of pass ``s // spp``. ``of_pass(k)`` is the sampler of one pass,
-        faster than calls with samples of many passes.
+        Sample s is sample ``s % spp`` of pass ``s // spp``. ``of_pass(k)`` is the sampler of one pass, faster
+        than calls with samples of many passes.
 
     References
     ----------

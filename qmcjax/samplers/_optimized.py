@@ -1,4 +1,4 @@
-"""Contiguous blocks of scrambled sequences in orders optimised for perceived error."""
+"""Contiguous blocks of scrambled sequences along orders optimised for perceived error."""
 
 from collections.abc import Mapping
 from dataclasses import field, replace
@@ -32,18 +32,18 @@ from qmcjax.sequences import (
 )
 
 SMALL_DIMS = 4
-"""Most dimensions with Niederreiter-Xing's sequence or, in animations, searched frames: those of tables."""
+"""Most dimensions with the Niederreiter-Xing sequence or, in animations, searched frames, as in tables."""
 
 _TIMES = (2, 0, 1, 3)
-"""Coordinates of Sobol's sequence with the columns of the matrices of frames that were not searched."""
+"""Coordinates of the Sobol' sequence that supply columns of the frames' matrices beyond the searched ones."""
 
 _PIXEL_BITS = 16
 
 _NUMBERS = 12
-"""Most digits of the numbers of samples that come first in their pixels, beyond the tables."""
+"""Most digits, beyond the tables, of the numbers of samples that come first in their pixels."""
 
 _LINES_FROM = 4096
-"""Number of pixels from which tables of columns and rows pay off."""
+"""Number of pixels above which tables of columns and rows pay off."""
 
 
 @cache
@@ -58,7 +58,7 @@ def _tables(dims: int) -> dict[int, NDArray[np.int64]]:
 
 @cache
 def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32]]]:
-    """Read such indices for animations, and the first columns of the matrices of frames."""
+    """Read these indices for animations, and the first columns of the frames' matrices."""
     indices, frames = {}, {}
     for digits, *words in tables.rows("samplers", "optimized_moving.txt"):
         numbers = np.array([int(word, 16) for word in words], np.int64)
@@ -72,9 +72,9 @@ def index_bits(
 ) -> NDArray[np.uint32]:
     """Return the index in the sequence that each bit of a Morton-ordered index stands for: uint32 (32,).
 
-    Bit k itself, but searched indices for the bits of pixels, as far as they have bits below 32. ``tables``:
+    This is bit k itself, except for the bits of pixels below bit 32, which have searched indices. ``tables``:
     indices of the bits of Morton codes, by binary logarithms of numbers of samples. ``digits``: this
-    logarithm. ``matrices``: those of the sequence.
+    logarithm. ``matrices``: the matrices of the sequence.
     """
     known = min(digits, max(tables))
     words = tables[known]
@@ -90,7 +90,7 @@ def index_bits(
 def _longer(
     words: NDArray[np.int64], known: int, digits: int, matrices: NDArray[np.uint32]
 ) -> NDArray[np.int64]:
-    """Return words for more samples, with first samples nearest to those of the searched words."""
+    """Return words for more samples, whose first samples are closest to those of the searched words."""
 
     def points(index: NDArray[np.int64]) -> NDArray[np.uint32]:
         bits = index[:, None, None] >> np.arange(32) & 1
@@ -103,7 +103,7 @@ def _longer(
 
 
 def _reordered(sequence: Digital, bits: NDArray[np.uint32]) -> Digital:
-    """Return the points of a sequence at mapped indices; digits of indices from 32 on are as they were."""
+    """Return the points of a sequence at mapped indices; index digits from 32 on do not change."""
     return replace(digital(sequence.bits(bits).T), upper=sequence.upper)
 
 
@@ -112,7 +112,7 @@ class Joint(Contiguous):
     """Contiguous blocks along the Morton order: points are linear over F2 in the digits of x and y."""
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return the states of many pixels from those of all columns and all rows: no products for each."""
+        """Return the states of many pixels from those of all columns and rows, without products per pixel."""
         side, _ = self.order.raster
         if x.size < max(side, _LINES_FROM):
             return super().prepare(x, y, dims)
@@ -136,9 +136,9 @@ class Joint(Contiguous):
 
 
 def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:
-    """Sample all coordinates by one Owen-scrambled sequence, as :func:`optimized` describes."""
+    """Sample all coordinates with one Owen-scrambled sequence, as :func:`optimized` describes."""
     order, digits = orders.morton(width, height), spp.bit_length() - 1
-    # Coordinates of Niederreiter and Xing's are not nets of t = 0, as windows of pixels and frames need.
+    # Coordinates of the Niederreiter-Xing sequence are not nets with t = 0, as windows of frames require.
     if dims <= SMALL_DIMS and order.length * spp <= 2**32 and not moving:
         make, searched, tables = niederreiter_xing, SMALL_DIMS, _tables(SMALL_DIMS)
     elif moving and dims <= SMALL_DIMS:
@@ -153,7 +153,7 @@ def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving
 
 
 def _in_time(sequence: Any, digits: int) -> InTime:
-    """Return a sequence that moves, in few dimensions by searched matrices of frames."""
+    """Return a sequence that moves in time, in few dimensions by searched matrices of frames."""
     moved, (_, frames) = in_time(sequence), _moving()
     if sequence.dims > SMALL_DIMS:
         return moved
@@ -164,7 +164,7 @@ def _in_time(sequence: Any, digits: int) -> InTime:
 
 
 MAX_DIMS = 21201
-"""Those of Sobol's sequence."""
+"""Dimensions of the Sobol' sequence."""
 MAX_SPP = 2**31
 
 
@@ -199,7 +199,7 @@ class Optimized(ForImage, OfDims):
         return sequence if self.frame is None else in_time(sequence).at_frame(self.frame)
 
     def at_frame(self, frame: Array | int) -> "Optimized":
-        """Return the sampler of another frame of an animation; its program is the same.
+        """Return the sampler of another frame of an animation, without recompilation.
 
         Parameters
         ----------
@@ -212,13 +212,13 @@ class Optimized(ForImage, OfDims):
         return replace(self, frame=checks.frame(frame))
 
     def _shuffled(self, sample: Array, seed: Array) -> Array:
-        """Permute the numbers of samples, nested, and keep 0: the first 2**k stay the first.
+        """Permute the numbers of samples with nested permutations that keep 0, so the first 2**k stay first.
 
-        Each digit that is set xors the digits below it with random ones, as in Matousek's scrambling.
+        Each set digit xors the digits below it with random ones, as in Matousek's scrambling.
         """
         number = sample
         for k in range(1, self._digits):
-            # Separate bits, as long as the seed has any.
+            # Separate bits while the seed has any.
             place = k * (k - 1) // 2 % 32
             random = (seed >> place) | (seed << (32 - place) if place else seed)
             number = number ^ (random & np.uint32(2**k - 1) & (np.uint32(0) - ((sample >> k) & np.uint32(1))))
@@ -241,29 +241,29 @@ def _ranks() -> NDArray[np.uint8]:
 def optimized(
     width: int, height: int, spp: int, key: Array | int, dims: int = 2, frames: int | None = None
 ) -> Optimized | Contiguous:
-    """Sample the pixels with blocks of a scrambled sequence, in an order optimised for errors that cancel.
+    """Sample the pixels with blocks of a scrambled sequence, ordered to make neighbouring errors cancel.
 
-    Permutations that :func:`z` draws at random are optimised here: those of quadrants, so that the errors of
-    neighbouring pixels cancel under a Gaussian filter of 1.5 pixels, and the order of the samples in a pixel,
-    so that errors also cancel for its first samples. Sequences are Owen-scrambled: each point of each sample
-    is uniformly distributed, whatever the order.
+    :func:`z` draws its permutations at random; here they are optimised. The permutations of quadrants make
+    the errors of neighbouring pixels cancel under a Gaussian filter of 1.5 pixels, and the order of the
+    samples in a pixel extends this to its first samples. Sequences are Owen-scrambled: each point of each
+    sample is uniformly distributed, whatever the order.
 
     Parameters
     ----------
     width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
     spp : int
-        Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered. There are tables for 1 to
+        Samples per pixel: a power of two, at most 2**31. You can render fewer. There are tables for 1 to
         64; larger numbers use the order for 64, and their first samples are not optimised.
     key : jax.random.key, or int in [0, 2**32)
-        A new key gives new scramblings, in up to two dimensions also another symmetry of the tile, and does
+        A new key gives new scramblings and, in up to two dimensions, another symmetry of the tile. It does
         not recompile.
     dims : int
-        Number of coordinates, in [1, 21201]. One sequence has all of them: :func:`~qmcjax.sequences.sobol`,
-        but :func:`~qmcjax.sequences.niederreiter_xing` in three and four dimensions if it has enough points:
-        if the square of the order has at most ``2**32`` samples, and there are no frames.
+        Number of coordinates, in [1, 21201], all from one sequence. This is
+        :func:`~qmcjax.sequences.niederreiter_xing` in three and four dimensions if there are no frames and
+        the square of the order has at most ``2**32`` samples, otherwise :func:`~qmcjax.sequences.sobol`.
     frames : int, optional
-        For animations: a number of frames, at least 1. It makes no difference to the points, and further
-        frames can be rendered.
+        For animations: a number of frames, at least 1. The points do not depend on it, and you can render
+        further frames.
 
     Returns
     -------
@@ -274,27 +274,27 @@ def optimized(
     -----
     With ``frames``, the sequence moves as by :func:`~qmcjax.sequences.in_time`: in every aligned window of
     ``2**k`` x ``2**k`` pixels and ``2**j`` frames, each coordinate has exactly one sample in each of ``4**k *
-    2**j * spp`` equal intervals. In three and four dimensions, the words that are added to the points of a
-    frame were searched in four, together with a linear map of their own, for small errors after filters in
-    space and time: 32 frames, after which Sobol's go on. There are tables for 1, 2, and 4 samples; larger
-    numbers use the last one.
+    2**j * spp`` equal intervals. In three and four dimensions, a search in four found the words that are
+    xored to the points of a frame, and a separate linear map, for small errors after filters in space and
+    time. It covers 32 frames; the Sobol' sequence supplies further ones. There are tables for 1, 2, and 4
+    samples; larger numbers use the last one.
 
     The samples of every aligned square of ``2**k`` pixels per side are an aligned block of ``2**m`` points of
-    the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel one of ``2**j``. So they are
-    (t, m, s)-nets of its t: 0 in two dimensions, 1 with Niederreiter-Xing's sequence. Each sample of each
-    pixel is uniform over keys, also the first one. In each image, the first samples of all pixels are spread
-    over each coordinate, for any spp.
+    the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel are such a block of ``2**j``.
+    So they are (t, m, s)-nets with the t of the sequence: 0 in two dimensions, 1 for Niederreiter-Xing. Each
+    sample of each pixel is uniform over keys, including the first. In each image, the first samples of all
+    pixels are spread over each coordinate, for any spp.
 
-    In up to two dimensions, each square of a tile of 64 x 64 pixels has a permutation of its own. From three
-    on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the pixel, so the
-    sampler is :func:`contiguous` along the Morton order with other generator matrices. A table has one word
-    for each of 16 bits, of which those of a level of the quadtree have only digits of that and finer levels.
-    Annealed permutations of all squares of a tile were worse than such maps. The map for three and four
-    dimensions was searched in four, the other one in eight.
+    In up to two dimensions, each square of a tile of 64 x 64 pixels has its own permutation. From three
+    dimensions on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the
+    pixel, so the sampler is :func:`contiguous` along the Morton order with other generator matrices. A table
+    has one word for each of 16 bits; the words of a level of the quadtree have only digits of that and finer
+    levels. Annealed permutations of all squares of a tile were worse than such maps. The map for three and
+    four dimensions was searched in four, the other one in eight.
 
     The search minimised the mean over all nested uniform scramblings, in closed form: the tables depend on
-    neither key nor integrand. A single fixed scrambling allows smaller errors, but an order made for it is
-    worse under others. This is our own idea: the papers permute at random [1]_.
+    neither key nor integrand. A single fixed scrambling allows smaller errors, but an order optimised for it
+    is worse under others. This method is our own: the papers permute at random [1]_.
 
     References
     ----------

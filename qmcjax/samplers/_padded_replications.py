@@ -38,8 +38,8 @@ class PaddedReplications(ForImage):
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
-        # Whole pixels from the leading digits, in two steps: a shift by 32 is not defined. Subtracting them
-        # from the point keeps its position inside the pixel.
+        # Whole pixels from the leading digits, in two shifts, because a shift by 32 is undefined. Subtracting
+        # them from the point keeps its position inside the pixel.
         shifts = [self._offset(sample, j) >> 1 >> (31 - self.log_side) for j in range(2)]
         ones = np.uint32(2**self.log_side - 1)
         column, row = (x + shifts[0]) & ones, (y + shifts[1]) & ones
@@ -66,23 +66,23 @@ def padded_replications(
     """Sample the screen repeatedly with one point of a net per pixel, with a new shift each time.
 
     Sample s of all pixels is one instance of the net, shifted on the torus by whole pixels: each pixel keeps
-    one point, and the toroidal minimum distance is that of the net. The points of the instances lie on the
-    same grid of ``4**k`` cells per side, where ``2**k`` is the smallest power of two that covers the image;
-    jitter moves all points of an instance by the same fraction of such a cell. The net is good in each
-    instance; the points of different instances can lie arbitrarily close together.
+    one point, and the toroidal minimum distance is that of the net. The points of all instances lie on one
+    grid of ``4**k`` cells per side, where ``2**k`` is the smallest power of two that covers the image. Jitter
+    moves all points of an instance by the same fraction of such a cell. Each instance is as uniform as the
+    net; points of different instances can lie arbitrarily close together.
 
     Parameters
     ----------
     net : sequence in base 2
-        As for :func:`full_screen`, except the Halton sequence: a net of ``4**k`` points, or a digital
-        sequence, with its first ``4**k`` points.
+        As for :func:`full_screen`, except for the Halton sequence: a net of ``4**k`` points, or the first
+        ``4**k`` points of a digital sequence.
     width, height : int, in [1, 65536]
     offsets : Sequence, or jax.random.key, or int in [0, 2**32)
-        Vector s holds the shifts of instance s, one for each coordinate of the net, followed by its jitter in
-        x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster, the
-        others are kept. A key stands for ``uniform(dims, key)``; a new one does not recompile.
+        Vector s contains the shifts of instance s, one for each coordinate of the net, followed by its jitter
+        in x and y. The shifts of coordinates 0 and 1 are rounded down to whole pixels of the padded raster;
+        the others are not rounded. A key stands for ``uniform(dims, key)``; a new one does not recompile.
     jitter : bool
-        False keeps the positions of the net inside pixels and needs no offsets for jitter.
+        False keeps the positions of the net inside pixels and needs no jitter in ``offsets``.
 
     Returns
     -------
@@ -95,9 +95,9 @@ def padded_replications(
     intervals can lose points, as the thesis says; those of the Hammersley net do not (counted for all shifts
     of 64 and of 256 points).
 
-    The thesis has two coordinates; further ones are shifted here by any fraction, since they have no pixels.
-    For points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter may carry: then
-    it wraps around inside the pixel.
+    The thesis has two coordinates; further ones have no pixels and are shifted here by any fraction. For
+    points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter may carry: then it
+    wraps around inside the pixel.
 
     Each sample of a pixel is uniform over keys if ``offsets`` is a key, with jitter.
 

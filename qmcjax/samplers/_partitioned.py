@@ -20,7 +20,7 @@ from qmcjax.sequences import Sequence, as_sequence
 
 @frozen_pytree
 class Partitioned(Strided):
-    """Pixel j of the curve takes every N-th point from point j on, without the partitioning component."""
+    """Pixel j of the curve takes points j, j + N, j + 2 N, ..., without the partitioning component."""
 
     component: int = field(metadata={"static": True})
     """The partitioning component."""
@@ -63,7 +63,7 @@ class ExactlyPartitioned(Partitioned):
         if self.base == 2 and self.inverses is None:
             if self.count == 32:
                 return reverse(position)
-            # In two steps: a shift by 32 is not defined.
+            # Two shifts, because a shift by 32 is undefined.
             return reverse(position) >> 1 >> (31 - self.count)
         index = jnp.zeros_like(position)
         base = np.uint32(self.base)
@@ -78,12 +78,12 @@ class ExactlyPartitioned(Partitioned):
 def partitioned(
     order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
 ) -> Partitioned | ExactlyPartitioned:
-    """Give each pixel its own low discrepancy sequence, all of them parts of one.
+    """Give each pixel its own low discrepancy sequence by partitioning one sequence.
 
     One component of the sequence, a radical inverse in base b, partitions it into N = b**m sequences, where N
     is the length of the curve: the points of a part share the first m digits of this component. These repeat
-    every N points, so a pixel leapfrogs from its first point with a stride of N. Its points have all
-    components but this one, which hardly varies within a pixel.
+    every N points, so a pixel leapfrogs from its first point with stride N. Its points have all components
+    but this one, which hardly varies within a pixel.
 
     Parameters
     ----------
@@ -92,29 +92,30 @@ def partitioned(
         for b = 2, Peano for b = 3.
     sequence : Sequence, at least two dimensions and N points
     component : int, optional
-        The partitioning component: one of the Halton sequence, with permuted digits or not, or one of a
-        digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure; scrambled or
-        not. By default the first one with a base of which N is a power.
+        The partitioning component: one of the Halton sequence, with or without permuted digits, or one of a
+        digital sequence with a lower triangular matrix, like the first of Sobol' and of Faure, scrambled or
+        not. By default the first one whose base has N as a power.
     exact : bool
-        Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or the
-        simplified form ``x[l N + j]``: the same parts, assigned along the curve so that the samples l of all
-        pixels are one contiguous block, in the order of the curve. The exact form needs digits scrambled one
-        by one, or not at all.
+        Whether pixel j takes the points with component in [j/N, (j+1)/N), ``x[l N + phi_b^-1(j/N)]``, or, in
+        the simplified form, the points ``x[l N + j]``. These are the same parts, but the samples l of all
+        pixels form one contiguous block in the order of the curve. The exact form requires digits that are
+        scrambled one by one, or not at all.
 
     Returns
     -------
     Partitioned or ExactlyPartitioned
-        One dimension less. ``most`` is the largest number of samples with indices: 2**32 / N for sequences
-        without 64-bit indices, see :func:`contiguous`. Points do not depend on the width of indices.
+        Has one dimension less. ``most`` is the largest number of samples that the indices allow: 2**32 / N
+        for sequences without 64-bit indices, see :func:`contiguous`. The points do not depend on the index
+        width.
 
     Notes
     -----
     If the sequence is a digital (t,s)-sequence in base b, each aligned block of b**k points of a pixel
-    is a (t,k,s-1)-net; all pixels together have, after any number of samples, the first points of the
-    sequence. Both forms are deterministic, and consistent: the error of each pixel goes to zero.
+    is a (t,k,s-1)-net. After any number of samples, all pixels together have the first points of the
+    sequence. Both forms are deterministic and consistent: the error of each pixel goes to zero.
 
-    Neighbours on the curve have points far apart in the sequence in the exact form, where the component
-    differs by 1/N, and consecutive points in the simplified form.
+    Neighbours on the curve have consecutive points in the simplified form. In the exact form their points are
+    far apart in the sequence, and the component differs by 1/N.
 
     Each sample of a pixel is uniform over keys if each point of the sequence is, as for :func:`contiguous`.
 
@@ -226,9 +227,9 @@ def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
     Returns
     -------
     ShiftedAlong
-        Shifts are 32-bit fractions, rounded down. For a sequence in base 2 sums are exact, in integers that
-        wrap; otherwise they are rounded once from float64, and never to 1. Indices of pixels and of samples
-        are separate: each pixel of any image has up to 2**32 samples.
+        Shifts are 32-bit fractions, rounded down. For a sequence in base 2, sums are exact, in wrapping
+        integer arithmetic; otherwise they are rounded once from float64, and never to 1. Indices of pixels
+        and of samples are separate: each pixel of any image has up to 2**32 samples.
 
     Notes
     -----

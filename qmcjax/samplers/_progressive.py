@@ -18,7 +18,7 @@ MAX_DIMS = 2**16
 
 @frozen_pytree
 class Progressive(ForImage, OfDims):
-    """The digits of a pixel's position and of a sample select columns of matrices, which are xored."""
+    """The digits of a pixel's position and of a sample number select columns of matrices to xor."""
 
     orders: orders.OptimizedOrder
     """A family with one order for each group of coordinates."""
@@ -48,7 +48,7 @@ class Progressive(ForImage, OfDims):
         size, (added, shuffles) = self.of_samples.dims, state
         numbers = {0: sample}
         for group, (seed, first) in shuffles.items():
-            # A nested permutation that keeps 0 keeps all sets of the first 2**k samples.
+            # A nested permutation that keeps 0 keeps every set of the first 2**k samples.
             numbers[group] = reverse(owen_hash(reverse(sample), seed) ^ first)
         words = []
         for j in dims:
@@ -61,7 +61,7 @@ class Progressive(ForImage, OfDims):
 def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Progressive:
     """Sample with nets over pixels and samples, in an order optimised for 1, 2, 4, ... samples together.
 
-    There is no fixed number of samples: an image can be shown after each of them, and more can follow.
+    The number of samples is not fixed: you can show the image after each of them, and continue.
 
     Parameters
     ----------
@@ -69,39 +69,38 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     key : jax.random.key, or int in [0, 2**32)
         A new key gives new scramblings, rotates or flips the tile of the order, and does not recompile.
     dims : int, in [1, 65536]
-        Number of coordinates. Up to 2, points are in two dimensions, else groups of four coordinates are
+        Number of coordinates. Up to 2, points are two-dimensional. Otherwise groups of four coordinates are
         padded: each has its own scrambling, order of the pixels and order of their samples.
 
     Returns
     -------
     Progressive
-        For up to 2**32 samples of each pixel. The order was optimised for up to 4096.
+        For up to 2**32 samples per pixel. The order was optimised for up to 4096.
 
-    Notes
-    -----
-    Points have 32 binary digits, and the nets up to 2**32 points. The samples of each aligned block of
-    ``2**k``, in all pixels of each aligned square of ``2**i`` pixels per side, are a (t, k + 2i, s)-net: in
-    one pixel as in a square, the first samples as later ones. In s = 2 dimensions t = 0. In four, t = 1 in
-    single pixels and in squares with 4, 16, 64, ... pixels per side for k > 1; elsewhere t was at most 3
-    in the cases that tests compute, without a proof. From coordinate 4 on this holds for the first ``2**k``
-    samples of squares, and for all aligned blocks of single pixels, but not for later samples of several
-    pixels, where t was up to 7: each pixel has its own order of the samples, without which filtered errors of
-    integrands of two groups are up to 1.3 times as large.
+    Notes ----- Points have 32 binary digits, and the nets up to 2**32 points. Each aligned block of ``2**k``
+    samples, in all pixels of an aligned square of ``2**i`` pixels per side, is a (t, k + 2i, s)-net: in
+    single pixels and in squares, for the first samples and for later ones. In s = 2 dimensions t = 0. In
+    four, t = 1 in single pixels and in squares with 4, 16, 64, ... pixels per side for k > 1; elsewhere t was
+    at most 3 in the cases that tests compute, without a proof. From coordinate 4 on, this applies to the
+    first ``2**k`` samples of squares and to all aligned blocks of single pixels, but not to later samples of
+    several pixels, where t was up to 7: each pixel has its own order of the samples. Without these orders,
+    filtered errors of integrands of two groups are up to 1.3 times as large.
 
     The construction, from rational functions and those of an elliptic curve as in [1]_, is our own;
-    ``analysis/tables/progressive.py`` has the proof. It keeps any permutation of the quadrants of a
-    square. As in :func:`optimized`, these were searched for the least error after a Gaussian filter of 1.5
-    pixels, for half-spaces and over all nested uniform scramblings: here for the mean over 1, 2, 4, ..., 4096
-    samples. Owen scrambling makes each sample of each pixel uniform over keys, also the first one.
+    ``analysis/tables/progressive.py`` gives the proof. Any permutation of the quadrants of a square preserves
+    these nets. As in :func:`optimized`, a search minimised the error of half-spaces after a Gaussian filter
+    of 1.5 pixels, over all nested uniform scramblings: here its mean over 1, 2, 4, ..., 4096 samples. Owen
+    scrambling makes each sample of each pixel uniform over keys, including the first.
 
-    On integrands that the search did not know, filtered errors are 1.2 to 1.3 times those of
-    :func:`optimized` made for just that number, since all numbers share one permutation of each square. In
-    four dimensions they are at most 1.15 times those of a joint sequence along the Hilbert curve. The figure
-    ``progressive`` has each number. Integrands of several groups of coordinates are diffused less.
+    On integrands that the search did not use, filtered errors are 1.2 to 1.3 times those of
+    :func:`optimized` for exactly that number of samples, since all numbers share one permutation of each
+    square. In four dimensions they are at most 1.15 times those of a joint sequence along the Hilbert curve.
+    The figure ``progressive`` shows each number. Errors of integrands of several groups of coordinates are
+    diffused less.
 
-    Nets leave little else to choose in two dimensions: one of ``2**(k + 1)`` samples splits into two nets of
-    ``2**k`` in one way only, so a pixel can but choose, for each k, which half comes first. Searches over
-    these choices and the permutations together gained nothing to speak of; the program has the numbers.
+    In two dimensions nets leave little else to choose: a net of ``2**(k + 1)`` samples splits into two nets
+    of ``2**k`` in only one way, so a pixel can only choose, for each k, which half comes first. Searches over
+    these choices together with the permutations gained almost nothing; the program lists the numbers.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Tiles of designed points that repeat over the screen, moved and turned at random."""
+"""Tiles of designed points that repeat over the screen, translated and turned at random."""
 
 from dataclasses import field, replace
 from typing import Any
@@ -17,35 +17,35 @@ from qmcjax.samplers._base import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
-"""First of the seeds of translations (of columns, rows, frames), of turns, of jitter and of boxes."""
+"""First seeds of translations (of columns, rows, frames), of turns, of jitter and of boxes."""
 
 _SEEDS = 8
 
 MAX_SPP = 2**16
 
 _PASCAL = ((2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
-"""Pascal's triangle modulo 2 on pairs of bits, in steps: any i rows in sequence are independent."""
+"""Pascal's triangle modulo 2 on pairs of bits, in steps: any i consecutive rows are independent."""
 
 
 @frozen_pytree
 class Tiled(OfDims):
-    """Sample s of a pixel is a point of the tile there, moved and turned, in one of equal boxes."""
+    """Sample s of a pixel is its point of the tile, translated and turned, in one of several equal boxes."""
 
     tile: Array
-    """uint16 (rows, columns, frames, spp, dims): of each pair of coordinates, area and place."""
+    """uint16 (rows, columns, frames, spp, dims): area and place of each pair of coordinates."""
     seeds: Array
     """uint32 (8, 2)."""
     frame: Array
     """uint32: the number of the frame."""
     spp: int = field(metadata={"static": True})
-    """Number of samples that the sampler is made for."""
+    """Number of samples per pixel."""
 
     @property
     def limits(self) -> tuple[int, int, int]:
         return (*super().limits[:2], self.spp)
 
     def at_frame(self, frame: Array | int) -> "Tiled":
-        """Return the sampler of another frame of an animation; its program is the same.
+        """Return the sampler of another frame of an animation, without recompilation.
 
         Parameters
         ----------
@@ -62,10 +62,10 @@ class Tiled(OfDims):
         return self.spp // self.tile.shape[3]
 
     def _first_box(self, x: Array, y: Array) -> Array:
-        """Return a number uniform over the seeds, and all numbers in each square of as many pixels.
+        """Return a number uniform over seeds that takes every value in each square of as many pixels.
 
-        The same holds for the digits of the number from an even place on, which the first samples leave, and
-        for each pixel over frames.
+        The same holds for its digits from any even place on, which the first samples do not use, and for each
+        pixel over frames.
         """
         number = morton(checks.MAX_SIDE, checks.MAX_SIDE).unchecked_position(x ^ y, y) ^ self.frame
         for shift, mask in _PASCAL:
@@ -85,7 +85,7 @@ class Tiled(OfDims):
         boxes = self._boxes
         box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
         if copy and boxes > 1:
-            # Anew in each frame: boxes of two copies meet in all ways as time goes on.
+            # New in each frame, so boxes of two copies combine in all ways over time.
             anew = self.seeds[_SHUFFLE, 1] ^ np.uint32(copy) ^ (self.frame << 16)
             seed = hash_pair(hashed ^ self.seeds[_SHUFFLE, 0], anew)
             digits = boxes.bit_length() - 1
@@ -97,14 +97,14 @@ class Tiled(OfDims):
         return box, (*jnp.broadcast_arrays(*along, number),)
 
     def _random(self, which: int, copy: int, box: Array) -> Array:
-        """Return a word, uniform over the seeds: of one turn or translation."""
+        """Return a word, uniform over seeds, for one turn or translation."""
         return hash_pair(self.seeds[which, 0] ^ np.uint32(copy), self.seeds[which, 1] ^ box)
 
     def _word(self, state: Any, sample: Array, dim: int, box: Array, place: tuple[Array, ...]) -> Array:
         size = self.tile.shape[-1]
         copy, inside = divmod(dim, size)
         pair, axis = divmod(inside, 2)
-        # Area and place are halves of one word, which is looked up once.
+        # Area and place are the halves of one word, for a single lookup.
         halves = self.tile.reshape(*self.tile.shape[:-1], -1, 2)
         both = lax.bitcast_convert_type(halves, jnp.uint32).at[(*place, pair)].get(mode="promise_in_bounds")
         area, turn = both << 16, both & np.uint32(0xFFFF0000)
@@ -130,7 +130,7 @@ def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -
 
 
 def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: int | None = None) -> Tiled:
-    """Sample from a tile of points that the key moves and turns, exactly uniform in every pixel.
+    """Sample from a tile of points that the key translates and turns, exactly uniform in every pixel.
 
     Parameters
     ----------
@@ -140,11 +140,11 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile.
     dims : int, in [1, 65536], optional
-        Number of coordinates, by default d. Further ones come from the same tile, moved and turned anew.
+        Number of coordinates, by default d. Further ones reuse the tile with other translations and turns.
     spp : int, optional
-        Number of samples of a pixel, a power of two up to 65536, by default the tile's. More are in equal
-        boxes of the unit cube, halved along one dimension after another, with a tile each; the first samples
-        are one in each box, in an order of boxes that the key, the pixel and the frame choose.
+        Number of samples per pixel, a power of two up to 65536, by default that of the tile. More samples
+        fill equal boxes of the unit cube, halved along one dimension after another, with one tile in each.
+        The first samples visit each box once, in an order that the key, the pixel and the frame choose.
 
     Returns
     -------
@@ -153,17 +153,17 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
 
     Notes
     -----
-    The key moves the tile by whole pixels, and frames. It turns each pair of coordinates: the points at the
-    same distance from the square's centre, the larger one of both coordinates', move along their outline by
-    the same part of its length. So neighbours remain neighbours, and no seam is drawn through the square. The
-    area within the outline of a point is jittered in one of equal strata, to which the points of each number
-    of a sample are moved first. Hence **each sample of each pixel is uniform over keys**, to 32 bits, also
-    the first one: its box since the key chooses it, its stratum since the tile moves, its area in the stratum
-    by the jitter, and its place on the outline since it turns. With d = 4 two areas have equal strata
-    together. Coordinates from d on are independent of others as far as hashes are.
+    The key translates the tile by whole pixels and frames, and turns each pair of coordinates: the points at
+    equal distance from the centre of the square, in the maximum norm, move along their outline by the same
+    fraction of its length. So neighbours remain neighbours, and the square has no seam. The area within the
+    outline of a point is jittered in one of several equal strata; the points of each sample number are first
+    moved to these strata. Hence **each sample of each pixel is uniform over keys**, to 32 bits, including the
+    first: the key chooses its box, the translation its stratum, the jitter its area in the stratum, and the
+    turn its place on the outline. With d = 4, two areas have joint equal strata. Coordinates from d on are as
+    independent of the others as hashes are.
 
-    Boxes are chosen so that fewer samples have small filtered errors, too: the first samples of any aligned
-    square of as many pixels as there are boxes, or in as many frames of a pixel, are one in each box.
+    The choice of boxes also keeps the filtered errors of fewer samples small: in any aligned square of as
+    many pixels as there are boxes, or in as many frames of a pixel, each box contains one first sample.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def designed(
     *,
     progressive: bool = False,
 ) -> Tiled:
-    """Sample with tiles of points that were designed by the gradient of the expected filtered error.
+    """Sample with tiles of points designed by gradient descent on the expected filtered error.
 
     Parameters
     ----------
@@ -213,35 +213,35 @@ def designed(
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile.
     dims : int, in [1, 65536]
-        Number of coordinates. Up to 2, tiles of two dimensions are used, else of four; further coordinates
-        come from the same tile, moved and turned anew.
+        Number of coordinates. Up to 2, tiles are two-dimensional, otherwise four-dimensional; further
+        coordinates reuse the tile with other translations and turns.
     frames : int, optional
-        For animations: a tile of 32 frames with one sample, designed for filters in space and time. Frames
-        repeat after 32 of them.
+        For animations: a tile of 32 frames with one sample, designed for filters in space and time. It
+        repeats after 32 frames.
     progressive : bool
-        Whether the first 1, 2, 4, ... of up to 16 samples are to be good, too, for images that are shown
-        while they are rendered. Filtered errors are 1.3 to 1.5 times those of tiles for just one number of
-        samples in two dimensions, and 1.1 to 1.2 times in four.
+        Whether the first 1, 2, 4, ... of up to 16 samples are designed, too, for images that are shown while
+        they are rendered. Filtered errors are 1.3 to 1.5 times those of tiles for one number of samples in
+        two dimensions, and 1.1 to 1.2 times in four.
 
     Returns
     -------
     Tiled
-        See :func:`tiled` for how the key moves and turns the tile, and for numbers of samples above 16;
-        ``sampler.at_frame(t)`` is the sampler of frame t.
+        See :func:`tiled` for the role of the key, and for more than 16 samples. ``sampler.at_frame(t)`` is
+        the sampler of frame t.
 
     Notes
     -----
     The tiles minimise :func:`analysis.expected_error` over half spaces, after a Gaussian filter of standard
     deviation 1.5 pixels, plus 0.05 times the mean square of the unfiltered error, on average over turns:
-    :func:`analysis.design_samples` makes them. In four dimensions half planes of the pairs of coordinates
-    (0, 1) and (2, 3), and steps along each coordinate, take part: scenes often depend on few of them. There
-    is a tile for 1, 2, 4, 8 and 16 samples each; fewer of them can be rendered, but are not designed unless
-    the tile is progressive. Each sample of each pixel is uniform over keys, also the first one. The figure
-    ``designed-samplers`` has measured errors.
+    :func:`analysis.design_samples` makes them. In four dimensions the integrands also include half planes of
+    the pairs of coordinates (0, 1) and (2, 3), and steps along each coordinate, since scenes often depend on
+    few of them. There is one tile for each of 1, 2, 4, 8 and 16 samples. You can render fewer samples of a
+    tile, but they are not designed unless it is progressive. Each sample of each pixel is uniform over keys,
+    including the first. The figure ``designed-samplers`` shows measured errors.
 
-    The design takes neighbours to have the same integrand, and points are not stratified along the axes. In
-    scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with nets in
-    each pixel are better from about four samples on: see :func:`qmcjax.recommend`.
+    The design assumes that neighbours have the same integrand, and points are not stratified along the axes.
+    In scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with a net
+    in each pixel are better from about four samples on: see :func:`qmcjax.recommend`.
 
     References
     ----------

@@ -13,7 +13,7 @@ PLAIN = "plain"
 MAX_DIMS = 2**16
 
 MAX_SPP = 2**31
-"""Most samples of a pixel: a shift in words of 32 bits allows no more."""
+"""Most samples per pixel: shifts of 32-bit words allow no more."""
 
 
 def z(
@@ -28,38 +28,38 @@ def z(
     alphabet: int | None = None,
     frames: int | None = None,
 ) -> Z:
-    """Sample the pixels with blocks of the Sobol' sequence in a scrambled Morton order, to diffuse errors.
+    """Sample the pixels with blocks of the Sobol' sequence along a scrambled Morton order, to diffuse errors.
 
-    The dimensions are padded: each pair, or single one, is a constituent with the first coordinates of the
-    same Sobol' sequence, and has its own order of the pixels. In a constituent, every aligned square of
-    ``2**k`` pixels per side has a contiguous aligned block of ``4**k * spp`` points. The order continues
-    below the pixels, with the numbers of their samples.
+    Dimensions are padded: each pair of coordinates, or a single one, is a constituent that takes the first
+    coordinates of the same Sobol' sequence, along its own order of the pixels. In a constituent, every
+    aligned square of ``2**k`` pixels per side has a contiguous aligned block of ``4**k * spp`` points. The
+    order continues below the pixels, with the numbers of their samples.
 
     Parameters
     ----------
     width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
     spp : int
-        Samples of each pixel: a power of two, at most 2**31. Fewer can be rendered, see Notes; for more, see
+        Samples per pixel: a power of two, at most 2**31. For fewer, see Notes; for more, see
         ``Z.extended``; for different numbers per pixel, ``Z.adaptive``.
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile. "plain" ignores it: None is allowed there.
     variant : {"plain", "hash", "multiplicative", "tree", "art"}
         "plain" is Z0 of the paper: Morton order for all constituents. Their coordinates repeat: use a joint
         ``sequence`` for more than two dimensions. For the others see :func:`qmcjax.orders.scrambled_morton`.
-        "tree" and "art" have one production for all constituents, with separate permutations (Eq. 13 to 18);
-        "tree" also enters it at separate letters.
+        "tree" and "art" share one production among all constituents, with separate permutations (Eq. 13 to
+        18); "tree" also starts at separate letters.
     dims : int, optional
         Number of coordinates, in [1, 65536], by default 2, in pairs; if it is odd, the last one is single.
     constituents : tuple of int, optional
         Alternative to ``dims``: the sizes of the constituents, each 1 or 2, for coordinates 0, 1, ...
     sequence : sequence in base 2, optional
-        Alternative to ``dims``: a joint sequence for all dimensions, with a single order, and with a point
-        for each sample of the padded raster.
+        Alternative to ``dims``: a joint sequence for all dimensions, with a single order. It must have a
+        point for each sample of the padded raster.
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
     frames : int, optional
-        For animations: a number of frames, at least 1. It makes no difference to the points, and further
-        frames can be rendered.
+        For animations: a number of frames, at least 1. The points do not depend on it, and you can render
+        further frames.
 
     Returns
     -------
@@ -69,29 +69,29 @@ def z(
     Notes
     -----
     With ``frames``, the sequence of each constituent moves in time, by :func:`qmcjax.sequences.in_time`;
-    those after the first have scrambled orders of the frames. So in every aligned window of ``2**k`` x
+    constituents after the first scramble the order of the frames. So in every aligned window of ``2**k`` x
     ``2**k`` pixels and ``2**j`` frames, **each coordinate has exactly one sample in each of 4**k * 2**j *
     spp equal intervals**, for any k and j, up to 2**32 intervals; each frame has the nets of a single image.
 
-    Where the raster has more than 2**32 samples, indices have 64 bits, and coordinates are exact to 32
-    digits. For the joint sequences that have these indices see :func:`contiguous`.
+    If the raster has more than 2**32 samples, indices have 64 bits, and coordinates are exact to 32 digits.
+    See :func:`contiguous` for the joint sequences that support these indices.
 
-    Where spp is an odd power of two, the last bit of a sample's number is flipped by a random bit.
+    If spp is an odd power of two, the last bit of a sample's number is xored with a random bit.
 
-    All samples of a pixel are a (0, log2(spp), 2)-net in each constituent of two dimensions. The best numbers
+    All samples of a pixel are a (0, log2(spp), 2)-net in each two-dimensional constituent. The best numbers
     of fewer samples are ``4**k`` if spp is a power of four, else ``2 * 4**k``: these are nets, too. With
-    twice as many, only a third of the pixels have a net. At two positions that differ in the last bit only,
-    any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A says so
-    of four samples, but prints the multiples of 1/8 for eight).
+    twice as many, only a third of the pixels have a net. At two positions that differ only in the last bit,
+    any two samples differ in each coordinate by an odd multiple of ``1 / (2 * spp)`` [1]_ (Appendix A states
+    this for four samples, but prints the multiples of 1/8 for eight).
 
-    Over an image, coordinates of different constituents are as uniform together as random points for "hash"
-    and "tree". For "art" they are not: the letter of a node follows from its place, and each of the 4096
+    Over an image, coordinates of different constituents are jointly as uniform as random points for "hash"
+    and "tree". For "art" they are not: the place of a node determines its letter, and each of the 4096
     letters has one permutation for each constituent. So chi-squared of two such coordinates exceeds its mean
     by a factor of up to 1 + pixels / 4096. "multiplicative" may be as bad.
 
-    Only the orders are random: over the keys, the mean of a pixel is that of the points of all pixels, not
-    the integral. Each sample, also the first one, is uniform up to the cells of these points. With a
-    randomised joint ``sequence`` it is uniform, and the mean is the integral.
+    Only the orders are random: the expectation of a pixel over keys is the mean over the points of all
+    pixels, not the integral. Each sample, including the first, is uniform up to the cells of these points.
+    With a randomised joint ``sequence`` it is uniform, and the expectation is the integral.
 
     References
     ----------

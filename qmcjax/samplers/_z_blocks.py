@@ -1,4 +1,4 @@
-"""The Z-sampler: each pixel takes a block of a sequence, in an order with the digits of its samples."""
+"""The Z-sampler: each pixel takes a block of a sequence; its order continues with the samples' digits."""
 
 from dataclasses import field, replace
 from typing import Any
@@ -24,7 +24,7 @@ class Z(ForImage):
     """Pixel p in the order of a constituent takes the points spp * p, ..., in its own order."""
 
     orders: ScrambledMorton | None
-    """A family with one order for each constituent; None for Z0, which has Morton order for all."""
+    """A family with one order per constituent; None for Z0, which uses Morton order for all."""
     sequence: BinarySequence
     """Each constituent has its first coordinates."""
     spp: int = field(metadata={"static": True})
@@ -46,7 +46,7 @@ class Z(ForImage):
     def extended(self, rounds: int) -> "Z":
         """Continue after ``spp`` samples of a pixel, up to ``rounds * spp``.
 
-        In round r (samples ``r * spp`` and on) the pixel at position p of an order takes the points of the
+        In round r (samples from ``r * spp`` on) the pixel at position p of an order takes the points of the
         pixel at position p xor r, in its own order: in round 1 two siblings swap their points. If ``rounds``
         is a power of two, a pixel has a contiguous aligned block of the sequence after the last round. The
         first round does not change.
@@ -62,8 +62,8 @@ class Z(ForImage):
 
         Notes
         -----
-        With a joint sequence, a pixel reuses the points of another one. With several constituents the points
-        are combined differently, since the orders differ. In both cases neighbours have similar errors in the
+        With a joint sequence, a pixel reuses the points of another one. Several constituents combine the
+        points differently, since their orders differ. In both cases neighbours have similar errors in the
         rounds after the first: a larger ``spp`` is better than more rounds [1]_.
 
         References
@@ -77,13 +77,13 @@ class Z(ForImage):
     def adaptive(self, counts: ArrayLike) -> "AdaptiveZ":
         """Set a number of samples for each pixel.
 
-        A pixel with c samples has the samples of the sampler with ``spp=c`` and the same key. Error is
-        diffused among pixels with equal counts; among others, points may coincide [1]_.
+        A pixel with c samples takes the samples of the sampler with ``spp=c`` and the same key. Errors are
+        diffused among pixels with equal counts; between different counts, points may coincide [1]_.
 
         Parameters
         ----------
         counts : integer ArrayLike, shape (height, width)
-            Powers of two in [1, spp], for pixel (x, y) in ``counts[y, x]``. New counts do not recompile.
+            Powers of two in [1, spp]; ``counts[y, x]`` is for pixel (x, y). New counts do not recompile.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class Z(ForImage):
         return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(words))
 
     def at_frame(self, frame: Array | int) -> "Z":
-        """Return the sampler of another frame of an animation; its program is the same.
+        """Return the sampler of another frame of an animation, without recompilation.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class Z(ForImage):
 
     @property
     def _places(self) -> list[tuple[int, int]]:
-        """The constituent of each coordinate, and its number there."""
+        """The constituent of each coordinate, and its number in it."""
         return [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
 
     @property
@@ -158,7 +158,7 @@ class Z(ForImage):
     def numbered(
         self, state: Any, number: Number, dims: tuple[int, ...], dtype: DTypeLike, log_count: int | Array
     ) -> Array:
-        """Return points of blocks of ``2**log_count``, by numbers with some known bits."""
+        """Return points of blocks of ``2**log_count``, by numbers with some static bits."""
         wanted = [self._places[j] for j in dims]
         indices = {c: self._index(c, state, number, log_count) for c in self._wanted(dims)}
         if len(self.constituents) == 1 and not self._has_64_bits:

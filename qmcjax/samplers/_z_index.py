@@ -1,4 +1,4 @@
-"""What numbers the blocks of the Z-sampler: digits of pixels and their samples, and frames."""
+"""Indices of the Z-sampler: digits of pixels and of their samples, and frames."""
 
 from typing import NamedTuple
 
@@ -17,12 +17,12 @@ from qmcjax.sequences import BinarySequence, InTime, in_time
 
 def append(position: Array, number: Array, log_count: int | Array) -> Index:
     """Return ``position * 2**log_count + number``, for ``log_count`` in [0, 31]."""
-    # In two steps: a shift by 32 is not defined.
+    # Two shifts, because a shift by 32 is undefined.
     return position >> 1 >> (31 - log_count), (position << log_count) | number
 
 
 class Number(NamedTuple):
-    """The number of a sample, ``high * 2**known + low``, with bits known at trace time last.
+    """The number of a sample, ``high * 2**known + low``; the low bits are known at trace time.
 
     Programs that unroll consecutive samples can then share the digits before.
     """
@@ -47,7 +47,7 @@ class Number(NamedTuple):
 
 
 def scrambled_number(order: ScrambledMorton, number: Number, log_count: int, node: Array) -> Array:
-    """Permute the numbers 0 to 2**log_count - 1 of a pixel's samples, from its node on (Eq. 16 and 17)."""
+    """Permute the numbers 0 to 2**log_count - 1 of a pixel's samples below its node (Eq. 16 and 17)."""
     places = range(log_count - 2, -1, -2)
     result, node = order.scrambled_digits([number.digit(place) for place in places], node)
     return _with_last_bit(order, result, number, node) if log_count % 2 else result
@@ -56,7 +56,7 @@ def scrambled_number(order: ScrambledMorton, number: Number, log_count: int, nod
 def scrambled_numbers(
     order: ScrambledMorton, number: Number, log_counts: Array, log_most: int, node: Array
 ) -> Array:
-    """Do the same with as many samples as each pixel has, at most ``2**log_most``."""
+    """Do the same for a separate number of samples in each pixel, at most ``2**log_most``."""
     odd = (log_counts & np.uint32(1)) == 1
     digits = log_counts >> 1
     result = jnp.zeros_like(node)
@@ -71,20 +71,20 @@ def scrambled_numbers(
 
 def _with_last_bit(order: ScrambledMorton, result: Array, number: Number, node: Array) -> Array:
     """Append the last bit of odd powers of two, xor a random bit (Z paper, after Eq. 18)."""
-    # Child 0 of the node is in any of four places; every other one is odd.
+    # Child 0 of the node is at any of four places; every second one is odd.
     coin, _ = order.scrambled_digits([jnp.uint32(0)], node)
     return (result << 1) | (number.bit(0) ^ (coin & np.uint32(1)))
 
 
 _STREAM = 0x66726D65
-"""Number of the stream of random words for frames, apart from all others of a key."""
+"""Stream number of the random words for frames, distinct from all others of a key."""
 
 
 @frozen_pytree
 class Frames:
     """A frame and its places in several orders: the first one is plain, the others are scrambled.
 
-    Aligned blocks of frames stay such blocks.
+    Aligned blocks of frames stay aligned blocks.
     """
 
     seeds: Array
@@ -108,9 +108,9 @@ def at_frame(frames: Frames | None, frame: Array | int) -> Frames:
 
 
 def of_key(frames: int, sequence: BinarySequence, key: Array | int | None, count: int) -> Frames:
-    """Return frame 0 with ``count`` orders, for a sequence that is to move; without a key seeds are zeros.
+    """Return frame 0 with ``count`` orders, for a sequence to move in time; without a key seeds are zero.
 
-    Nothing depends on the number of frames.
+    The result does not depend on the number of frames.
     """
     checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
     in_time(sequence)

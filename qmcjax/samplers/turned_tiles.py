@@ -1,8 +1,8 @@
-"""Tiles in coordinates in which they turn: maps of the unit square to itself that keep areas.
+"""Tiles in coordinates that turn them: area-preserving maps of the unit square to itself.
 
-The points at the same distance from the centre, the largest of both coordinates' distances, are the outline
-of a square. A turn moves all of them along their outline by the same part of its length. It is continuous,
-keeps areas and neighbourhoods, and a turn by a quarter is a rotation.
+The points at equal distance from the centre, in the maximum norm, form the outline of a square. A turn moves
+each of them along its outline by the same fraction of the length. It is continuous, preserves areas and
+neighbourhoods, and a quarter turn is a rotation.
 """
 
 from typing import Any
@@ -22,7 +22,7 @@ _DEEPEST = 16
 
 
 def to_outlines(points: Any) -> tuple[Any, Any]:
-    """Return the half sides of the outlines, and the places on them, in [0, 1], of points (..., 2).
+    """Return the half sides of the outlines of points (..., 2) and the places on them, in [0, 1].
 
     NumPy or JAX arrays; differentiable.
     """
@@ -35,7 +35,7 @@ def to_outlines(points: Any) -> tuple[Any, Any]:
 
 
 def from_outlines(radius: Any, place: Any) -> Any:
-    """Return points (..., 2) from half sides in [0, 1], and places on outlines modulo 1; differentiable."""
+    """Return points (..., 2) from half sides in [0, 1] and places on outlines modulo 1; differentiable."""
     xp: Any = np if isinstance(radius, np.ndarray) else jnp
     turned = 4 * (place - xp.floor(place))
     quarter = xp.floor(turned)
@@ -48,13 +48,13 @@ def from_outlines(radius: Any, place: Any) -> Any:
 def coordinate(area: Array, place: Array, axis: int) -> Array:
     """Return one coordinate of points, all as uint32 fractions, rounded down.
 
-    A square root of float64 is the only operation that is not one of integers: the same bits everywhere.
+    The only operation that is not on integers is a square root in float64: the same bits everywhere.
     """
     with jax.enable_x64(True):
         radius = jnp.sqrt(area.astype(jnp.float64) * np.float64(2.0**32)).astype(jnp.uint32)
     quarter, along = place >> 30, place << 2
     half = radius >> 1
-    # On the outline's side of the axis, or along the outline; the opposite sides mirror them.
+    # Perpendicular to the side of the outline, or along it; opposite sides are mirror images.
     side = _HALF + half
     inner = (_HALF - half) + high_product(radius, along)
     one = jnp.where((quarter & np.uint32(1)) == np.uint32(axis), side, inner)
@@ -63,7 +63,7 @@ def coordinate(area: Array, place: Array, axis: int) -> Array:
 
 
 def stratum_digits(shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Return the digits of the strata of each pair's areas, for a tile of this shape."""
+    """Return the digits of the strata of areas, for each pair of coordinates of a tile of this shape."""
     places = (shape[0] * shape[1] * shape[2]).bit_length() - 1
     if shape[-1] == 2:
         return (min(places, _DEEPEST),)
@@ -73,8 +73,8 @@ def stratum_digits(shape: tuple[int, ...]) -> tuple[int, ...]:
 def tile_words(points: NDArray[np.float64]) -> NDArray[np.uint16]:
     """Return areas and places of points (rows, columns, frames, spp, dims), moved to strata.
 
-    For each number of a sample, areas are replaced by their ranks: of the first pair in as many classes as it
-    has strata, then of the second one in each class.
+    For each sample number, areas are replaced by their ranks: for the first pair in as many classes as it has
+    strata, then for the second pair within each class.
     """
     shape = points.shape
     count = shape[0] * shape[1] * shape[2]

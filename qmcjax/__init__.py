@@ -1,18 +1,18 @@
-"""Low discrepancy samplers for rendering: generate them, and make images with them.
+"""Low discrepancy samplers for rendering: generate points, and render images with them.
 
-Four nouns, each a pure function at random access and a JAX pytree:
+Four concepts, each a pure function with random access, and a JAX pytree:
 
 - a **sequence** maps an index to a point (:mod:`qmcjax.sequences`),
 - an **order** maps a pixel to a position on a curve and back (:mod:`qmcjax.orders`),
 - a **sampler** maps a pixel and a sample to a point (:mod:`qmcjax.samplers`),
 - a **scene** maps a point to a value (:mod:`qmcjax.scenes`);
 
-:func:`qmcjax.render` puts them together, :func:`qmcjax.integrate` averages a function over a sequence alone,
-:mod:`qmcjax.warps` makes normals, directions and choices of points, :func:`qmcjax.recommend` recommends a
-sampler.
+:func:`qmcjax.render` combines them, :func:`qmcjax.integrate` averages a function over a sequence,
+:mod:`qmcjax.warps` maps points to normal variates, directions and discrete choices, and
+:func:`qmcjax.recommend` recommends a sampler.
 
-Arguments known before tracing are checked: a TypeError for a wrong type, or a ValueError for a wrong value,
-names the argument, what it must be and what came. Docstrings list other errors only.
+Arguments known before tracing are checked: a wrong type raises a TypeError, a wrong value a ValueError. The
+message names the argument, the requirement and the value. Docstrings list only other errors.
 """
 
 import importlib
@@ -65,7 +65,7 @@ else:
     _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing", "warps")
 
     def __getattr__(name: str) -> typing.Any:
-        """Import a package or name at its first use: few scripts need them all."""
+        """Import a package or name at its first use: few scripts need all of them."""
         if name in _PACKAGES:
             return importlib.import_module(f"qmcjax.{name}")
         if name not in _LAZY:

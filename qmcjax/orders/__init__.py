@@ -1,4 +1,4 @@
-"""Orders of the pixels of an image: functions between a pixel and its position on a curve.
+"""Orders of the pixels of an image: maps between a pixel and its position on a curve.
 
 Every order has ``position(x, y)``, its inverse ``pixel(position)``, ``width``, ``height`` and ``length``.
 Orders of pixels and frames, :func:`morton3` and :func:`hilbert3`, have ``position(x, y, t)``.

@@ -1,4 +1,4 @@
-"""The interface of an order: from a pixel, and a frame, to its position on a curve, and back."""
+"""The interface of an order: maps between a pixel, or a pixel of a frame, and its position on a curve."""
 
 import abc
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 
 MAX_SIDE = checks.MAX_SIDE
-"""Largest resolution with positions that fit a uint32."""
+"""Largest resolution for which positions fit a uint32."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Order(abc.ABC):
         Parameters
         ----------
         x, y : integer Array, broadcastable, or int
-            Column and row of the pixel, within the padded raster. Traced ones are not checked.
+            Column and row of the pixel, within the padded raster. Traced values are not checked.
 
         Returns
         -------
@@ -75,7 +75,7 @@ class Order(abc.ABC):
 
 @dataclass(frozen=True)
 class SquareOrder(Order):
-    """An order with a curve that fills a square, its side a power of two."""
+    """An order along a curve that fills a square with a power of two as side."""
 
     @property
     def log_side(self) -> int:
@@ -134,7 +134,8 @@ class FrameOrder(abc.ABC):
         Parameters
         ----------
         x, y, t : integer Array, broadcastable, or int
-            Column, row and frame, within the padded raster and number of frames. Traced ones are not checked.
+            Column, row and frame, within the padded raster and number of frames. Traced values are not
+            checked.
 
         Returns
         -------
@@ -158,19 +159,19 @@ class FrameOrder(abc.ABC):
         return self.unchecked_pixel(checks.unsigned("position", position, self.length))
 
     def at_frame(self, frame: Array | int) -> "OneFrame":
-        """Return the positions of one frame as an order of pixels; its program is the same for all frames.
+        """Return the positions of one frame as an order of pixels, without recompilation for other frames.
 
         Parameters
         ----------
         frame : int, or integer Array of shape (), below the padded number of frames
-            Traced ones are taken modulo this number.
+            Traced values are taken modulo this number.
         """
         return OneFrame(self.width, self.height, self, checks.frame(frame, 2**self.log_frames))
 
 
 @frozen_pytree
 class OneFrame(Order):
-    """The positions of one frame: some of those of an order of pixels and frames."""
+    """The positions of one frame, a subset of those of an order of pixels and frames."""
 
     animation: FrameOrder
     frame: Array
@@ -197,7 +198,7 @@ class OneFrame(Order):
 
 
 def animation_size(width: int, height: int, frames: int) -> tuple[int, int, int]:
-    """Return checked sizes whose positions fit a word."""
+    """Check that the positions fit a 32-bit word, and return the sizes."""
     width, height = checks.image_size(width, height)
     most = checks.INDEX_LIMIT // 4 ** log_side(width, height)
     return width, height, checks.integer("frames", frames, 1, most)

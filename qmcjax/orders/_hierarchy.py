@@ -52,13 +52,13 @@ def unpermuted(number: Array, digit: Array) -> Array:
 
 
 def scaled(word: Array, count: int) -> Array:
-    """Map uniform words to {0, ..., count - 1}: equally many words to each, up to one."""
+    """Map uniform words to {0, ..., count - 1}, equally many to each, up to one."""
     return high_product(word, jnp.full_like(word, np.uint32(count)))
 
 
 @traced_once
 def permutation_number(word: Array) -> Array:
-    """Map uniform words to {0, ..., 23}, by ``word * 24 >> 32`` without a long product.
+    """Map uniform words to {0, ..., 23} by ``word * 24 >> 32``, without a 64-bit product.
 
     The relative error of the probabilities is at most 4e-9.
     """
@@ -70,8 +70,8 @@ def permutation_number(word: Array) -> Array:
 class ScrambledMorton(SquareOrder):
     """A Morton order with permuted base 4 digits; each permutation depends on the digits before it.
 
-    The digits are those of the Morton code, before their permutation: a node of the quadtree is one square of
-    pixels, wherever in the order it comes (Z paper, Eq. 5). One word identifies a node.
+    These are the digits of the Morton code, before their permutation: a node of the quadtree is one square of
+    pixels, at any place in the order (Z paper, Eq. 5). One word identifies a node.
     """
 
     @property
@@ -108,15 +108,15 @@ class ScrambledMorton(SquareOrder):
     def scrambled(self, code: Array | int, digits: int, node: Array | None = None) -> tuple[Array, Array]:
         """Permute the base 4 digits of Morton codes, from the first to the last.
 
-        The digits may continue below the pixels: the node of a pixel, the second result for its code,
-        permutes the digits of its sample numbers [1]_.
+        The digits may continue below the pixels: the node of a pixel, the second result for its code, is the
+        root of the permutations of its sample numbers [1]_.
 
         Parameters
         ----------
         code : uint32 Array, shape (...), or int, below ``4**digits``
         digits : int, in [0, 16]
         node : uint32 Array, shape (...), optional
-            Node before the first digit, by default ``root``.
+            Node above the first digit, by default ``root``.
 
         Returns
         -------
@@ -150,13 +150,13 @@ class ScrambledMorton(SquareOrder):
         node = jnp.broadcast_to(self.root, (1, self.width))
         position = jnp.zeros_like(node)
         while left:
-            # Rows that agree in their upper bits share the upper digits in each column.
+            # In each column, rows with equal upper bits share the upper digits.
             digits = 2 - left % 2
             left -= digits
             rows = -(-self.height >> left)
             x, y = (lax.broadcasted_iota(jnp.uint32, (rows, self.width), axis) for axis in (1, 0))
             code = spread(x >> left) | (spread(y) << 1)
-            # Look-ups: XLA does not fuse them with their operands, so each stage is computed once.
+            # XLA does not fuse lookups with their operands, so each stage is computed once.
             position, node = (
                 rows_above.at[np.arange(rows) >> digits].get(mode="promise_in_bounds")
                 for rows_above in (position, node)
@@ -166,7 +166,7 @@ class ScrambledMorton(SquareOrder):
         return position, node
 
     def scrambled_digits(self, digits: list[Array], node: Array) -> tuple[Array, Array]:
-        """Permute digits from a node on; each has the node's shape, or is a scalar for all nodes.
+        """Permute digits below a node; each digit has the node's shape, or is a scalar for all nodes.
 
         Parameters
         ----------
@@ -207,7 +207,7 @@ def with_random_words(first: Array, keys: Array) -> Array:
 
 @frozen_pytree
 class Hashed(ScrambledMorton):
-    """The word of a node is a hash of its parent's word and its digit; the root has the seed.
+    """The word of a node is a hash of its parent's word and its digit; that of the root is the seed.
 
     Every step down the tree is a bijection, so the word of each node takes all values over the seeds.
     """

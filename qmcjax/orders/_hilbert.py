@@ -1,4 +1,4 @@
-"""Curves through neighbouring pixels only: Hilbert, Moore and Peano, and Hilbert's through frames."""
+"""Curves that step to adjacent pixels only: Hilbert, Moore and Peano, and a Hilbert curve through frames."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,9 +14,9 @@ from qmcjax.orders._base import FrameOrder, Order, SquareOrder, animation_size
 class Hilbert(SquareOrder):
     """The Hilbert curve from (0, 0) to (side - 1, 0).
 
-    In each quadrant the curve is a smaller one: transposed in the first, transposed about the other diagonal
-    in the last. Instead of composing these transformations, each level applies its own to the lower bits of
-    the pixel.
+    Each quadrant contains a smaller curve: transposed in the first, transposed about the other diagonal in
+    the last. Instead of composing these transformations, each level applies its own to the lower bits of the
+    pixel.
     """
 
     def unchecked_position(self, x: Array, y: Array) -> Array:
@@ -46,14 +46,14 @@ class Hilbert(SquareOrder):
 def hilbert(width: int, height: int) -> Hilbert:
     """Make the order of the Hilbert curve.
 
-    Consecutive positions are pixels that share an edge, so a contiguous piece of a low discrepancy sequence
-    stays in a compact region.
+    Consecutive positions are pixels that share an edge, so a contiguous block of a low discrepancy sequence
+    falls into a compact region.
 
     Parameters
     ----------
     width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side; pixels off the
-        image are skipped, which breaks the curve where it leaves the image.
+        In [1, 65536]. The curve fills the next square with a power of two as side; pixels outside the image
+        are skipped, which breaks the curve where it leaves the image.
 
     References
     ----------
@@ -85,7 +85,7 @@ class Moore(SquareOrder):
         right, low = x >> level, y >> level
         flip = jnp.where(right != 0, ones, np.uint32(0))
         x, y = x & ones, y & ones
-        # On the left the x of a quarter runs against x and its y along y; on the right the reverse.
+        # In the left half, a quarter's x runs against x and its y along y; in the right half the reverse.
         inside = self._quarter.unchecked_position(y ^ flip, x ^ flip ^ ones)
         return (((right * np.uint32(3)) ^ low) << (2 * level)) | inside
 
@@ -105,13 +105,13 @@ class Moore(SquareOrder):
 def moore(width: int, height: int) -> Moore:
     """Make the order of the Moore curve, a closed variant of the Hilbert curve.
 
-    Consecutive positions are pixels that share an edge, and so are the last and the first.
+    Consecutive positions are pixels that share an edge, including the last and the first.
 
     Parameters
     ----------
     width, height : int
-        In [1, 65536]. The curve fills the next square with a power of two as side; pixels off the image are
-        skipped, which breaks the curve where it leaves the image.
+        In [1, 65536]. The curve fills the next square with a power of two as side; pixels outside the image
+        are skipped, which breaks the curve where it leaves the image.
 
     Returns
     -------
@@ -131,7 +131,7 @@ def moore(width: int, height: int) -> Moore:
 
 
 PEANO_SIDE = 3**10
-"""Longest side: positions below 9**10 fit a uint32, those of the next side, 3**11, do not."""
+"""Longest side: positions below 9**10 fit a uint32; those for the next side, 3**11, do not."""
 
 _ONE = np.uint32(1)
 
@@ -144,9 +144,9 @@ def _reversed_if(odd: Array, digit: Array) -> Array:
 class Peano(Order):
     """The Peano curve from (0, 0) to (side - 1, side - 1).
 
-    Nine smaller curves, column by column, alternately down and up. Each digit of a coordinate is reversed, to
-    2 minus itself, when the digits of the other coordinate before it in the position have an odd sum. Their
-    reversals do not change that.
+    It consists of nine smaller curves, column by column, alternately down and up. Each digit of a coordinate
+    is reversed, to 2 minus itself, if the digits of the other coordinate before it in the position have an
+    odd sum. Reversing those does not change the parity.
     """
 
     @property
@@ -196,7 +196,7 @@ def peano(width: int, height: int) -> Peano:
     ----------
     width, height : int
         In [1, 59049]: a larger image needs a side of 3**11, and positions beyond 32 bits. The curve fills
-        the next square with a power of three as side; pixels off the image are skipped.
+        the next square with a power of three as side; pixels outside the image are skipped.
 
     References
     ----------
@@ -217,10 +217,10 @@ def _packed(values: tuple[int, ...]) -> np.uint32:
 
 
 _ENTRY = _packed((0, 0, 0, 3, 3, 6, 6, 5))
-"""The corner where the curve enters each part, for the direction 0: the Gray code of 2 * ((w - 1) // 2)."""
+"""The corner where the curve enters each part, for direction 0: the Gray code of 2 * ((w - 1) // 2)."""
 
 _DIRECTION = {2: _packed((0, 1, 1, 0)), 3: _packed((0, 1, 1, 2, 2, 1, 1, 0))}
-"""The axis along which the curve passes through each part, for two and three axes, less that of the whole."""
+"""The axis along which the curve traverses each part, for two and three axes, minus that of the whole."""
 
 
 def _at(table: np.uint32, digit: Array) -> Array:
@@ -228,16 +228,16 @@ def _at(table: np.uint32, digit: Array) -> Array:
 
 
 def _rotated(word: Array, count: Array, axes: int) -> Array:
-    """Rotate words of as many bits as there are axes to the left, by 1 to ``axes``."""
+    """Rotate words of ``axes`` bits to the left, by 1 to ``axes``."""
     return ((word << count) | (word >> (np.uint32(axes) - count))) & np.uint32(2**axes - 1)
 
 
 @frozen_pytree
 class Hilbert3(FrameOrder):
-    """Two axes down to blocks as long as they are wide, or one; then all three.
+    """Two axes, or one, down to blocks as long as they are wide; then all three axes.
 
-    State of a block: the corner where the curve enters, and the axis along which it leaves. Blocks of pixels
-    enter and leave in the first frame, so their states are those of a curve in the plane.
+    The state of a block is the corner where the curve enters, and the axis along which it leaves. It enters
+    and leaves blocks of pixels in the first frame, so their states are those of a curve in the plane.
     """
 
     @property
@@ -248,7 +248,7 @@ class Hilbert3(FrameOrder):
         return planar + [(place, 3) for place in range(cubes - 1, -1, -1)]
 
     def _start(self, like: Array) -> tuple[Array, Array]:
-        """Return the entry, and the axis of the exit: frames, if there are more than pixels per side."""
+        """Return the entry, and the axis of the exit: that of frames if they outnumber pixels per side."""
         axis = 2 if self.log_frames >= self.log_side else 0
         return jnp.zeros_like(like), jnp.full_like(like, np.uint32(axis))
 
@@ -300,8 +300,8 @@ def hilbert3(width: int, height: int, frames: int) -> Hilbert3:
     width, height : int, in [1, 65536]; padded to a square with a power of two as side
     frames : int
         Padded to a power of two; there are at most 2**32 positions. If there are more frames than pixels per
-        side, cubes come one after another in time. If there are fewer, the curve passes through cubes of all
-        frames in the order of a Hilbert curve in the plane.
+        side, cubes follow one another in time. If there are fewer, the curve visits cubes of all frames in
+        the order of a Hilbert curve in the plane.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Raster, Morton and accordion order: from the bits of both coordinates, without a state."""
+"""Raster, Morton and accordion order, computed from the bits of both coordinates without a state."""
 
 import numpy as np
 from jax import Array
@@ -49,7 +49,7 @@ def spread(word: Array) -> Array:
 
 @traced_once
 def gather(word: Array) -> Array:
-    """Move bit ``2 k`` to bit ``k``, and drop the odd bits."""
+    """Move bit ``2 k`` to bit ``k``; drop the odd bits."""
     word = word & np.uint32(0x55555555)
     for shift, mask in _GATHERING:
         word = (word | (word >> shift)) & np.uint32(mask)
@@ -91,15 +91,15 @@ class Accordion(SquareOrder):
     """Four smaller accordions: two transposed, two transposed about the other diagonal.
 
     The *lengthwise* coordinate of a square runs from its first half to its second, the *crosswise* one across
-    the first half. All four children exchange the two, those of the second half with both reversed. The
+    the first half. All four children exchange the two; those of the second half also reverse both. The
     lengthwise bits above a child reverse it as a whole, and all but the last cancel: with lengthwise bit a
-    and crosswise bit b of each level, both read off the pixel, digit k of the position is (a[k] ^ a[k - 1],
+    and crosswise bit b of each level of the pixel, digit k of the position is (a[k] ^ a[k - 1],
     a[k] ^ b[k]).
     """
 
     @property
     def _vertical(self) -> np.uint32:
-        """The levels with y as lengthwise coordinate: the first, and every other one."""
+        """The levels with y as lengthwise coordinate: every second one, starting with the first."""
         return np.uint32(0xAAAAAAAA if self.log_side % 2 == 0 else 0x55555555)
 
     def unchecked_position(self, x: Array, y: Array) -> Array:
@@ -113,10 +113,10 @@ class Accordion(SquareOrder):
 
 
 def accordion(width: int, height: int) -> Accordion:
-    """Make the accordion order: the square is cut and unfolded about pivots until it is a strip.
+    """Make the accordion order: the square is cut and unfolded about pivots into a strip.
 
-    Each step cuts the strip into twice as many bars, half as wide, by cuts from alternate sides; each cut
-    leaves a pivot at its end. Turning the bars about their pivots makes a strip again, twice as long. The
+    Each step cuts the strip into twice as many bars of half the width, by cuts from alternate sides; each cut
+    leaves a pivot at its end. Turning the bars about their pivots gives a strip of twice the length. The
     first cut separates the upper from the lower half of the square.
 
     Parameters
@@ -131,11 +131,11 @@ def accordion(width: int, height: int) -> Accordion:
     Notes
     -----
     The caption in [1]_ does not say from which side the first cut of each step comes; here the sides
-    alternate from step to step. This agrees with the rest of the caption: Morton's last two quadrants are
-    swapped, the second step leaves a jump from the bottom to the top between the second and the third
-    quadrant, and with its cuts reversed the 16 blocks are passed as by a Moore curve. In print the jump goes
-    from the left to the right as well, which no choice of sides gives: here it stays in the last column.
-    Beyond 16 blocks no choice gives a Moore curve: not all its squares are cut across the strip.
+    alternate from step to step. This agrees with the rest of the caption: the last two quadrants of the
+    Morton order are swapped, the second step leaves a jump from the bottom to the top between the second and
+    the third quadrant, and reversing its cuts visits the 16 blocks in the order of a Moore curve. In print
+    the jump also goes from the left to the right, which no choice of sides gives: here it stays in the last
+    column. Beyond 16 blocks no choice gives a Moore curve: not all its squares are cut across the strip.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""A Morton order with quadrants permuted by a search for small errors after a filter."""
+"""A Morton order with quadrants permuted to minimise filtered errors."""
 
 from dataclasses import replace
 from functools import cache
@@ -17,12 +17,12 @@ from qmcjax.orders._hierarchy import Hashed
 
 @frozen_pytree
 class OptimizedOrder(SquareOrder):
-    """A repeated tile, in one of its 8 symmetries; the tiles come in a scrambled Morton order."""
+    """A repeated tile, in one of its 8 symmetries; the tiles follow a scrambled Morton order."""
 
     positions: Array
     """uint16 (side, side): the order of the tile, [row, column]."""
     words: Array
-    """uint32 (4,): symmetry of the tile, column and row of a smaller raster, seed for a larger one."""
+    """uint32 (4,): symmetry of the tile; column and row of a smaller raster; seed for a larger one."""
 
     @property
     def tile(self) -> int:
@@ -40,7 +40,7 @@ class OptimizedOrder(SquareOrder):
         Returns
         -------
         OptimizedOrder
-            This order, and ``count - 1`` others. Eight in sequence have different symmetries.
+            This order and ``count - 1`` others. Any eight consecutive ones have different symmetries.
         """
         others = draws.bits(key, (count - 1, 4), jnp.uint32)
         return replace(self, words=jnp.concatenate([self.words[None], others]))
@@ -73,7 +73,7 @@ class OptimizedOrder(SquareOrder):
 
     @property
     def _corner(self) -> tuple[Array, Array]:
-        """Column and row of the cut-out for a smaller raster: multiples of its side."""
+        """Column and row of a smaller raster in the tile: multiples of its side."""
         places = np.uint32(self.positions.shape[0] - self.tile)
         return self.words[1] & places, self.words[2] & places
 
@@ -89,7 +89,7 @@ class OptimizedOrder(SquareOrder):
         return self.tile.bit_length() - 1
 
     def unchecked_position(self, x: Array, y: Array) -> Array:
-        # The positions in a square are consecutive; the quadrants of its corner give the first digits.
+        # The positions in a square are consecutive; the quadrants of its corner determine the first digits.
         position = self.positions.at[self.cell(x, y)].get(mode="promise_in_bounds").astype(jnp.uint32)
         position = position & np.uint32(self.tile**2 - 1)
         if self._tiles.length == 1:
@@ -112,7 +112,7 @@ class OptimizedOrder(SquareOrder):
 
 
 MAX_COUNT = 2**31
-"""Most samples of a pixel: a shift in words of 32 bits allows no more."""
+"""Most samples per pixel: shifts of 32-bit words allow no more."""
 
 
 @cache
@@ -143,27 +143,26 @@ def _positions(number: int) -> NDArray[np.uint16]:
 
 
 def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedOrder:
-    """Make a Morton order with quadrants permuted so that the errors of neighbours cancel.
+    """Make a Morton order with quadrants permuted to make the errors of neighbouring pixels cancel.
 
     As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels per side keeps one contiguous
-    aligned run of positions. Permutations are looked up in a tile of 64 x 64 pixels. They were optimised for
-    the least error after a Gaussian filter of 1.5 pixels, when the pixel at position p takes block p of
-    ``spp`` points of an Owen-scrambled Sobol' sequence.
+    aligned run of positions. Permutations are looked up in a tile of 64 x 64 pixels. They minimise the error
+    after a Gaussian filter of 1.5 pixels if the pixel at position p takes block p of ``spp`` points of an
+    Owen-scrambled Sobol' sequence.
 
     Parameters
     ----------
     width, height : int, in [1, 65536]; the curve fills the next square with a power of two as side
     spp : int
-        Samples of each pixel: a power of two. There are tables for 1 to 64; more samples use the table for
-        64.
+        Samples per pixel: a power of two. There are tables for 1 to 64; more samples use the table for 64.
     key : jax.random.key, or int in [0, 2**32)
-        Rotates or flips the tile, permutes the tiles of a larger raster and cuts a smaller one out of the
-        tile. A new key does not recompile.
+        Rotates or flips the tile, permutes the tiles of a larger raster, and selects the part of the tile for
+        a smaller one. A new key does not recompile.
 
     Notes
     -----
-    The search minimised the mean over all nested uniform scramblings of the sequence, not one of them.
-    Searching for permutations is our own idea; the papers draw them at random [1]_.
+    The search minimised the mean over all nested uniform scramblings of the sequence, not a single one. It is
+    our own: the papers draw permutations at random [1]_.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Orders of users: any object with the protocol's methods, and any permutation of an image's pixels."""
+"""User-defined orders: any object with an order's methods, and any permutation of the pixels."""
 
 from dataclasses import field
 from typing import Any
@@ -17,7 +17,7 @@ from qmcjax.orders._base import FrameOrder, Order
 
 @frozen_pytree
 class PlugIn(Order):
-    """An object with the methods of the protocol, without checks."""
+    """An object that implements the protocol, without checks."""
 
     wrapped: Any
     positions: int = field(metadata={"static": True})
@@ -72,7 +72,7 @@ def permutation(image: ArrayLike) -> Permutation:
     Parameters
     ----------
     image : integer ArrayLike, shape (height, width)
-        The position of pixel (x, y) in ``image[y, x]``: each of 0, 1, ..., height * width - 1 once.
+        ``image[y, x]`` is the position of pixel (x, y): each of 0, 1, ..., height * width - 1 once.
 
     Returns
     -------
@@ -113,20 +113,20 @@ def permutation(image: ArrayLike) -> Permutation:
 
 
 def as_order(name: str, value: Any) -> Order:
-    """Return an object with the protocol of an order as an :class:`Order`.
+    """Return an object that implements the order protocol as an :class:`Order`.
 
     Parameters
     ----------
     name : str, name of the argument, for messages
     value : Order, or object
         An object with ``width`` and ``height`` of its image, ``length``, the number of positions, and
-        ``position(x, y)``, from uint32 Arrays of one shape to integers below ``length``. The inverse
+        ``position(x, y)``, which maps uint32 Arrays of one shape to integers below ``length``. The inverse
         ``pixel(position)`` is optional.
 
     Returns
     -------
     Order
-        ``value`` itself, if it is one.
+        ``value`` itself if it is one.
     """
     if isinstance(value, Order):
         return value

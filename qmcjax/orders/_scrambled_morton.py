@@ -40,7 +40,7 @@ class LookupTree(ScrambledMorton):
         return jnp.uint32(0)
 
     def family(self, keys: Array) -> Self:
-        """Return orders with a common production and separate permutations as one object (Eq. 13 to 18)."""
+        """Return orders with one production and separate permutations as one object (Eq. 13 to 18)."""
         others = _permutations_of(keys, self.permutations.shape[0])
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
@@ -58,7 +58,7 @@ class LookupTree(ScrambledMorton):
 
 @frozen_pytree
 class RandomTree(LookupTree):
-    """The same with a random production; members of a family enter it at shifted letters.
+    """The same with a random production; members of a family start at shifted letters.
 
     So two nodes with equal letters in one member have independent letters in another, as if each member had
     its own production.
@@ -80,7 +80,7 @@ class RandomTree(LookupTree):
 
 @partial(jax.jit, static_argnums=1)
 def _permutations_of(keys: Array, letters: int) -> Array:
-    """Draw permutations by each key; compiled, since otherwise every call traces the generator anew."""
+    """Draw permutations with each key; compiled, since otherwise every call traces the generator again."""
     return jax.vmap(lambda key: random_permutations(letters, key))(keys)
 
 
@@ -99,7 +99,7 @@ def random_production(letters: int, key: Array) -> Array:
 
 
 def art_production() -> Array:
-    """Return a production in which no two equal letters come close at any level.
+    """Return a production that keeps equal letters far apart at every level.
 
     A letter is a pair of symbols, one for the row and one for the column (see
     :func:`qmcjax.core.number_theory.word_children`).
@@ -121,7 +121,7 @@ ALPHABET = 4096
 def scrambled_morton(
     width: int, height: int, key: Array | int, variant: str = "hash", alphabet: int | None = None
 ) -> ScrambledMorton:
-    """Make a hierarchically scrambled Morton order: the quadrants of each square in a random order.
+    """Make a hierarchically scrambled Morton order: the quadrants of each square are permuted at random.
 
     Every aligned square of ``2**k`` pixels per side keeps one contiguous aligned run of positions, as in the
     Morton order.
@@ -134,18 +134,18 @@ def scrambled_morton(
         dimension d; a key draws one.
     variant : {"hash", "multiplicative", "tree", "art"}
         Source of the permutation at each node. "hash": a hash of the node and the key, with three products
-        per level. "multiplicative": the product with the golden ratio of the paper. "tree": the letter of the
-        node in a random grammar. "art": the same for a grammar of 4096 letters with equal letters far apart.
+        per level. "multiplicative": the paper's product with the golden ratio. "tree": the letter of the node
+        in a random grammar. "art": the same for a grammar of 4096 letters with equal letters far apart.
     alphabet : int, optional
         For "tree" only: the number of letters, in [1, 65536], by default 4096.
 
     Notes
     -----
     Over the keys all 24 permutations of each node are equally likely. "multiplicative" lacks independence:
-    over the nodes of a level all permutations are equally frequent, but the permutation of a node leaves two
-    choices for its sibling. Prefixes are numbers, so leading zeros do not count: on the path to pixel (0, 0)
-    all permutations equal that of the root. The golden ratio is truncated to 32 bits, and the numbering of
-    the 24 permutations is ours: the paper gives none.
+    over the nodes of a level all permutations are equally frequent, but the permutation of a node leaves only
+    two choices for its sibling. It hashes prefixes as numbers, without leading zeros: on the path to pixel
+    (0, 0) all permutations equal that of the root. The golden ratio is truncated to 32 bits, and the
+    numbering of the 24 permutations is ours: the paper gives none.
 
     References
     ----------
@@ -179,12 +179,12 @@ def scrambled_morton(
 
 
 _IDENTITY = 0
-"""The number of the permutation that changes nothing."""
+"""The number of the identity permutation."""
 
 
 @frozen_pytree
 class Morton3(FrameOrder):
-    """Quadrant and half of the frames in turn, from the largest to the smallest; each node permutes its own.
+    """Quadrants and halves of the frames alternate, from the largest to the smallest, permuted at each node.
 
     The word of a node is a hash of its parent's word and its digit. Digits are those of pixels and frames,
     before their permutation.
@@ -247,11 +247,11 @@ def _child(node: Array | None, digit: Array) -> Array | None:
 
 
 def morton3(width: int, height: int, frames: int, key: Array | int | None = None) -> Morton3:
-    """Make the Morton order of the pixels of an animation, or scramble it.
+    """Make the Morton order of the pixels of an animation, plain or scrambled.
 
-    Digits of the position are a quadrant and a half of the frames in turn, from the largest to the smallest:
-    every aligned block of ``2**k`` x ``2**k`` pixels in ``2**k`` frames has a contiguous aligned run of
-    positions, and so have its pixels in ``2**(k + 1)`` frames.
+    The digits of the position are, in turn, a quadrant and a half of the frames, from the largest to the
+    smallest. Every aligned block of ``2**k`` x ``2**k`` pixels in ``2**k`` or ``2**(k + 1)`` frames has a
+    contiguous aligned run of positions.
 
     Parameters
     ----------
@@ -261,7 +261,7 @@ def morton3(width: int, height: int, frames: int, key: Array | int | None = None
         the first digits are halves only; if the side is larger, they are quadrants only.
     key : jax.random.key, or int in [0, 2**32), optional
         Permutes the quadrants and halves of each block at random, as :func:`scrambled_morton` does; all
-        permutations are equally likely. A new key does not recompile. None for plain Morton order.
+        permutations are equally likely. A new key does not recompile. None gives the plain Morton order.
 
     Returns
     -------
@@ -270,9 +270,9 @@ def morton3(width: int, height: int, frames: int, key: Array | int | None = None
 
     Notes
     -----
-    With ``contiguous(order, sequence, spp)`` only these blocks are nets, not those with any number of pixels
-    and frames, and errors of a single frame are larger than in an order of pixels alone:
-    :func:`qmcjax.sequences.in_time` stratifies all blocks, and leaves each frame as it is.
+    With ``contiguous(order, sequence, spp)`` only these blocks are nets, not those of other numbers of pixels
+    and frames, and errors of a single frame are larger than in an order of pixels alone.
+    :func:`qmcjax.sequences.in_time` stratifies all blocks, and does not change single frames.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""Low discrepancy sequences and nets: functions from an index to a point, at random access.
+"""Low discrepancy sequences and nets: functions from an index to a point, with random access.
 
-Every sequence ``seq`` has ``seq(index)``, ``seq.points(n, start)``, ``seq.dims`` and ``seq.size`` (None when
-unbounded); those in base 2 also have exact fixed-point coordinates, ``seq.bits(index)``. Indices are integers
-below 2**32. Those with a size have a length and slices. Any object with ``dims`` and a call is a sequence:
-see :func:`as_sequence`.
+Every sequence ``seq`` has ``seq(index)``, ``seq.points(n, start)``, ``seq.dims`` and ``seq.size`` (None if
+unbounded). Sequences in base 2 also have exact fixed-point coordinates, ``seq.bits(index)``. Indices are
+integers below 2**32. Sequences with a size support ``len`` and slices. Any object with ``dims`` and a call is
+a sequence: see :func:`as_sequence`.
 """
 
 from qmcjax.sequences._digital.cells import Invertible as Invertible

@@ -1,8 +1,8 @@
-"""Maps from the unit cube to other sets: points of a sequence become normals, directions, choices.
+"""Maps from the unit cube to other sets: normal variates, directions and discrete choices.
 
-Every warp has ``dims``, the number of coordinates of its points, a call from points to values, its
-``inverse``, and the ``density`` of the values of uniform points. Low discrepancy survives: the maps are
-continuous or monotone, and equal volumes of the cube become sets of equal probability. Warps are pytrees and
+Every warp has ``dims``, the number of coordinates of its points, a call that maps points to values, its
+``inverse``, and the ``density`` of the values of uniform points. The maps preserve low discrepancy: they are
+continuous or monotone, and map equal volumes of the cube to sets of equal probability. Warps are pytrees and
 work with ``jit``, ``vmap`` and ``grad``.
 """
 

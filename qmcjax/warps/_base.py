@@ -1,4 +1,4 @@
-"""What all warps have in common: checks of points and values."""
+"""The interface of all warps, with checks of points and values."""
 
 import abc
 
@@ -13,7 +13,7 @@ from qmcjax.core.pytrees import jit
 class Warp(abc.ABC):
     """A map of the unit cube to a set of values with a known density.
 
-    It takes points, shape (..., dims), to values, shape (..., length). Derivatives are finite at all points.
+    It maps points, shape (..., dims), to values, shape (..., length). Derivatives are finite at all points.
     """
 
     dims: int
@@ -45,7 +45,7 @@ class Warp(abc.ABC):
         Parameters
         ----------
         values : float ArrayLike, shape (..., length)
-            Values off the image give some point of the cube.
+            Values outside the image map to an arbitrary point of the cube.
 
         Returns
         -------
@@ -54,7 +54,7 @@ class Warp(abc.ABC):
         return _compiled(self, "_points", floats("values", values, (self.length,)))
 
     def density(self, values: ArrayLike) -> Array:
-        """Return the density of values of uniform points.
+        """Return the probability density of the values of uniform points.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ class Warp(abc.ABC):
         Returns
         -------
         Array, shape (...), of the dtype of ``values``
-            0 off the image, up to rounding. Whether a value lies on a surface is not checked.
+            0 outside the image, up to rounding. Whether a value lies on a surface is not checked.
         """
         return _compiled(self, "_density", floats("values", values, (self.length,)))
 
@@ -82,7 +82,7 @@ class Warp(abc.ABC):
 
 @jit("method")
 def _compiled(warp: Warp, method: str, given: Array) -> Array:
-    """Call a method as one program: step by step a normal would be twenty programs."""
+    """Call a method as one compiled program: op by op, ``normal`` would compile twenty."""
     return getattr(warp, method)(given)
 
 
@@ -94,5 +94,5 @@ def points_of_cube(points: ArrayLike, dims: int) -> Array:
 
 
 def rounding(values: Array) -> float:
-    """Return by how much rounding may move a value of size 1 off the image."""
+    """Return the distance that rounding may move a value of size 1 outside the image."""
     return 16 * float(jnp.finfo(values.dtype).eps)

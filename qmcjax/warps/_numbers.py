@@ -1,4 +1,4 @@
-"""Numbers of a distribution: exponential, normal, of sum 1, and choices with given weights."""
+"""Variates of distributions: exponential, normal, on a simplex, and discrete with given weights."""
 
 import math
 from dataclasses import field
@@ -25,7 +25,7 @@ def of_parts(parts: Array) -> Array:
 
 
 def parts_of(values: Array) -> Array:
-    """Return 1 - exp(-x) in [0, 1), the inverse: a step of Newton's method after XLA's expm1."""
+    """Return 1 - exp(-x) in [0, 1), the inverse: one Newton step after XLA's expm1."""
     near = to_cube(-jnp.expm1(-values))
     return to_cube(near + (1 - near) * (values - of_parts(near)))
 
@@ -46,11 +46,11 @@ class Exponential(Warp):
 
 
 def exponential(dims: int = 1) -> Exponential:
-    """Make the map to independent exponential numbers of rate 1.
+    """Make the map to independent exponential variates of rate 1.
 
-    Each coordinate goes through the inverse of the distribution function, with all digits at both ends: 0
-    maps to 0, and the largest value is 16.6 in float32. In float64 values are within 2 units in the last
-    place, those of the inverse within 4. Divide by a rate.
+    The inverse distribution function is applied to each coordinate, accurately at both ends: 0 maps to 0, and
+    the largest value is 16.6 in float32. In float64, values are within 2 units in the last place, those of
+    the inverse within 4. Divide by the rate for other rates.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def exponential(dims: int = 1) -> Exponential:
 
 
 _CELLS = {np.dtype(np.float32): 2.0**-24, np.dtype(np.float64): 2.0**-32}
-"""Side of the cell of points that sequences round down to one coordinate."""
+"""Side of the interval of points that sequences round down to one coordinate."""
 
 
 @frozen_pytree
@@ -76,7 +76,7 @@ class Normal(Warp):
 
     def _values(self, points: Array) -> Array:
         dtype = np.dtype(points.dtype)
-        # Processors may take numbers below the least normal one for 0.
+        # Processors may flush subnormal numbers to 0.
         zero = points < np.finfo(dtype).tiny
         return ndtri(jnp.where(zero, points + dtype.type(_CELLS[dtype] / 2), points))
 
@@ -89,9 +89,9 @@ class Normal(Warp):
 
 
 def normal(dims: int = 1) -> Normal:
-    """Make the map to independent standard normal numbers.
+    """Make the map to independent standard normal variates.
 
-    Each coordinate goes through the inverse of the distribution function: it is monotone, so intervals stay
+    The inverse distribution function is applied to each coordinate. It is monotone, so intervals stay
     intervals.
 
     Parameters
@@ -101,15 +101,15 @@ def normal(dims: int = 1) -> Normal:
 
     Notes
     -----
-    Coordinates of sequences are the lower ends of cells of side 2**-24 in float32, 2**-32 in float64. Of
-    these, 0 has no finite value: it becomes the centre of its cell, which gives -5.42 and -6.34. All other
-    numbers in (0, 1) are taken exactly, with an error of a few units in the last place in both tails. The
-    largest values are 5.29 and 6.23 there, so the mean over all cells is a little below 0: by 3e-7 and 1e-9.
+    Coordinates of sequences are the lower ends of cells of side 2**-24 in float32, 2**-32 in float64. The
+    value of 0 would be infinite: it is replaced by the centre of its cell, which maps to -5.42 and -6.34. All
+    other numbers in (0, 1) are used unchanged, with an error of a few units in the last place in both tails.
+    The largest values are 5.29 and 6.23, so the mean over all cells is slightly below 0: by 3e-7 and 1e-9.
     Derivatives are the reciprocals of the density. The inverse of x < 0 is within 3 (1 + x**2) units in the
     last place.
 
     The first point of an unscrambled sequence is 0 in all coordinates, an outlier for any number of points:
-    scramble it (:func:`qmcjax.sequences.owen`).
+    scramble the sequence (:func:`qmcjax.sequences.owen`).
 
     Examples
     --------
@@ -123,7 +123,7 @@ def normal(dims: int = 1) -> Normal:
 
 
 _MOST = 32
-"""Dimensions with a density, the factorial of dims, that is finite in float32."""
+"""Most dimensions for which the density, the factorial of dims, is finite in float32."""
 
 
 @frozen_pytree
@@ -151,17 +151,17 @@ class Simplex(Warp):
         return jnp.where(inside, jnp.full_like(values[..., 0], math.factorial(self.dims)), 0)
 
     def _left(self, like: Array) -> Array:
-        """Return the number of coordinates from each one to the last."""
+        """Return, for each coordinate, the number of coordinates from it to the last."""
         exponents = np.arange(self.dims, 0, -1, dtype=like.dtype)
         return jnp.asarray(exponents.reshape((1,) * (like.ndim - 1) + (-1,)))
 
 
 def simplex(dims: int) -> Simplex:
-    """Make the map to non-negative numbers of sum 1, uniformly: Dirichlet's distribution with all ones.
+    """Make the map to uniform points of the simplex: non-negative numbers of sum 1 (Dirichlet(1, ..., 1)).
 
-    A value has ``dims`` + 1 coordinates. Multiplied by the corners of a triangle, a tetrahedron and so on it
-    is a uniform point of that. Coordinate by coordinate a part of the rest is cut off: the map is monotone in
-    each, and invertible, unlike that by sorting.
+    A value has ``dims`` + 1 coordinates. As barycentric coordinates they give a uniform point of a triangle,
+    a tetrahedron and so on. Each coordinate of a point splits off a part of the rest (stick breaking): the
+    map is monotone in each coordinate and invertible, unlike sorting.
 
     Parameters
     ----------
@@ -204,12 +204,12 @@ class Discrete:
         return jnp.searchsorted(jnp.asarray(self.cuts), word, side="right").astype(jnp.int32)
 
     def inverse(self, values: ArrayLike) -> Array:
-        """Map choices to the middle of their interval.
+        """Map choices to the midpoints of their intervals.
 
         Parameters
         ----------
         values : integer ArrayLike, shape (...)
-            Indices of weights. Those without weight give some point.
+            Indices of weights. Those of weight 0 map to an arbitrary point.
 
         Returns
         -------
@@ -236,7 +236,7 @@ class Discrete:
         return jnp.where(last & (width == 0), 1, share)  # alone with a weight: of width 2**32
 
     def _intervals(self, values: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return where choices begin, their widths modulo 2**32, and which is the last with a weight."""
+        """Return where choices begin, their widths modulo 2**32, and whether each is the last with weight."""
         number = checks.unsigned("values", values, self.count)
         cuts, end = np.zeros(1, np.uint32), np.zeros(self.count - len(self.cuts), np.uint32)
         edges = jnp.concatenate([jnp.asarray(cuts), jnp.asarray(self.cuts), jnp.asarray(end)])
@@ -245,22 +245,22 @@ class Discrete:
 
 
 def discrete(weights: ArrayLike) -> Discrete:
-    """Make the map to numbers 0 ... n - 1 that are chosen with probabilities in proportion to weights.
+    """Make the map to choices 0, ..., n - 1 with probabilities proportional to weights.
 
-    By inversion: a binary search in the sums of the weights. It is monotone, so of any stratified points each
-    choice gets its share up to one; an alias table is faster for large n, but scatters its intervals.
+    The map is inversion by binary search in the cumulative weights. It is monotone, so each choice gets its
+    share of stratified points up to one. An alias table is faster for large n, but scatters its intervals.
 
     Parameters
     ----------
     weights : real ArrayLike, shape (n,)
-        Known before tracing. Non-negative and finite, with a positive sum. A choice of weight 0 never comes.
+        Known before tracing. Non-negative and finite, with a positive sum. Choices of weight 0 never occur.
 
     Returns
     -------
     Discrete
         With ``dims`` = 1, a call from points, shape (..., 1), to int32, shape (...), an ``inverse`` and a
         ``density``, the probability. Probabilities are multiples of 2**-32. Points in float32 are multiples
-        of 2**-24: choices of less than that may get none.
+        of 2**-24: they may miss choices of smaller probability.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Points of the disc, directions of the sphere and the hemisphere, and points of triangles."""
+"""Points of the disc, directions on the sphere and the hemisphere, and points of triangles."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ def disc() -> Disc:
     Notes
     -----
     The map is continuous and preserves areas. It has kinks on the diagonals and at the centre, where autodiff
-    returns one of the derivatives of the two sides, a finite one.
+    returns one of the one-sided derivatives, a finite one.
 
     References
     ----------
@@ -75,7 +75,7 @@ class Sphere(_Directions):
 class Hemisphere(_Directions):
     def _values(self, points: Array) -> Array:
         x, y = maps.disc(points[..., 0], points[..., 1])
-        # 1 - |2 u - 1| is exact, so the cosine keeps its digits near the rim, where 1 - x x - y y cancels.
+        # 1 - |2 u - 1| is exact, so the cosine is accurate near the rim, where 1 - x x - y y cancels.
         margin = 1 - jnp.max(abs(2 * points - 1), axis=-1)
         z = jnp.sqrt(jnp.maximum(margin * (2 - margin), jnp.finfo(points.dtype).tiny))
         return jnp.stack([x, y, z], axis=-1)
@@ -88,15 +88,15 @@ class Hemisphere(_Directions):
 
 
 def sphere() -> Sphere:
-    """Make the map to directions: unit vectors (x, y, z), uniform over the sphere.
+    """Make the map to directions, unit vectors (x, y, z), uniform over the sphere.
 
-    The first coordinate is the azimuth and wraps around; the second goes from the pole (0, 0, 1) to the other
-    one, with z = 1 - 2 v. The density is per solid angle.
+    The first coordinate is the azimuth and wraps around; the second runs from the pole (0, 0, 1) to the
+    opposite one, with z = 1 - 2 v. The density is per solid angle.
 
     Notes
     -----
-    The map is smooth but for the poles, where the derivative with respect to v is infinite for x and y;
-    autodiff returns 0 for them there.
+    The map is smooth except at the poles, where the derivatives of x and y with respect to v are infinite;
+    autodiff returns 0 there.
 
     Examples
     --------
@@ -107,14 +107,15 @@ def sphere() -> Sphere:
 
 
 def hemisphere() -> Hemisphere:
-    """Make the map to directions around z, unit vectors with density cos / pi: Malley's method.
+    """Make the map to cosine-weighted directions around z, with density cos / pi: Malley's method.
 
-    The concentric map to the disc (:func:`disc`), lifted to the hemisphere. The density is per solid angle.
+    This is the concentric map to the disc (:func:`disc`), lifted to the hemisphere. The density is per solid
+    angle.
 
     Notes
     -----
-    At the rim the derivative of z is infinite; autodiff returns 0 there. z is never 0, so quotients by the
-    density are finite.
+    At the rim the derivative of z is infinite; autodiff returns 0 there. z is never 0, so you can divide by
+    the density.
 
     Examples
     --------
@@ -154,13 +155,13 @@ class Triangle(Warp):
         corners = jnp.asarray(self.vertices).astype(values.dtype) / unit
         size = jnp.max(jnp.sum(jnp.square(corners), axis=-1))
         longest = jnp.max(jnp.sum(jnp.square(corners - jnp.roll(corners, 1, axis=0)), axis=-1))
-        # An error of a value in proportion to the least height.
+        # The error of a value, relative to the smallest height.
         allowed = rounding(values) * (1 + jnp.sqrt(size * longest) / doubled)
         inside = jnp.minimum(jnp.minimum(first, second), 1 - first - second) >= -allowed
         return jnp.where(inside, 2 / doubled / unit / unit, 0)
 
     def _unit(self, like: Array) -> Array:
-        """Return the size of the triangle: in units of it, squares neither overflow nor vanish."""
+        """Return the size of the triangle, a unit in which squares neither overflow nor vanish."""
         corners = jnp.asarray(self.vertices).astype(like.dtype)
         return jax.lax.stop_gradient(jnp.max(abs(corners - jnp.roll(corners, 1, axis=0))))
 
@@ -182,15 +183,16 @@ class Triangle(Warp):
 
 
 def triangle(vertices: ArrayLike) -> Triangle:
-    """Make the map to a triangle of uniform density, with low distortion [1]_.
+    """Make the map to uniform points of a triangle, with low distortion [1]_.
 
-    Each half of the square on one side of its diagonal is mapped linearly to half of the triangle: the map is
-    continuous, and unlike the one by square roots it has no singular corner.
+    Each half of the square on one side of its diagonal is mapped linearly to half of the triangle. The map is
+    continuous and, unlike the square-root map, has no singular corner.
 
     Parameters
     ----------
     vertices : float ArrayLike, shape (3, n)
-        Corners, n at least 2. A triangle known before tracing must have an area. The density is per area.
+        Corners, n at least 2. A triangle known before tracing must not be degenerate. The density is per
+        area.
 
     References
     ----------

@@ -1,8 +1,8 @@
 """Products of generator matrices over F2, and their inverses: from a cell of a raster to its points.
 
-Nets invert themselves; for a digital sequence linear equations over F2 are solved. Each ``4**k`` consecutive
-points of a (0,2)-sequence put one point into every cell of a raster of ``2**k`` cells per side: a frame. The
-frame gives the upper bits of the index, the cell the lower ``2 k``.
+Nets implement their own inverse; a digital sequence is inverted by linear equations over F2. Each aligned
+block of ``4**k`` points of a (0,2)-sequence, a frame, has one point in every cell of a raster of ``2**k``
+cells per side. The frame gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
 import abc
@@ -23,7 +23,7 @@ from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
 
 _TABLE_FROM = 4096
-"""Number of indices from which tables of the products with all bytes pay off."""
+"""Number of indices above which tables of the products with all bytes pay off."""
 
 
 def product(columns: Array, index: Array) -> Array:
@@ -34,7 +34,7 @@ def product(columns: Array, index: Array) -> Array:
     words = jnp.zeros((*index.shape, *columns.shape[1:]), jnp.uint32)
     for shift in (0, 8, 16, 24):
         table = selected(columns[shift : shift + 8], byte)
-        # A byte is within its table: this skips bounds checks.
+        # A byte is always within its table: skip bounds checks.
         words = words ^ table.at[(index >> shift) & np.uint32(255)].get(mode="promise_in_bounds")
     return words
 
@@ -61,7 +61,7 @@ def selected(columns: Array | np.ndarray, index: Array) -> Array:
 
 @runtime_checkable
 class Invertible(Protocol):
-    """A point set in base 2 that gives the indices of its points in a cell of a raster."""
+    """A point set in base 2 that returns the indices of its points in a cell of a raster."""
 
     @property
     def dims(self) -> int:
@@ -70,7 +70,7 @@ class Invertible(Protocol):
 
     @property
     def size(self) -> int | None:
-        """Number of points; None if each further sample is a further frame of a sequence."""
+        """Number of points; None if each sample is another frame of a sequence."""
         ...
 
     def word(self, index: Array, dim: int) -> Array:
@@ -93,7 +93,7 @@ class NetByFrames:
     sequence: Any
     """Digital, in base 2."""
     inverse: Array
-    """uint32 (2 * log_side,): column i has the lower index bits that change with digit i of the cell."""
+    """uint32 (2 * log_side,): column i contains the lower index bits that change with digit i of the cell."""
     log_side: int = field(metadata={"static": True})
 
     called = "net_by_frames"
@@ -105,7 +105,7 @@ class NetByFrames:
 
     @property
     def size(self) -> None:
-        """None: the number of frames is limited by 32-bit indices only."""
+        """None: only 32-bit indices limit the number of frames."""
         return
 
     def word(self, index: Array, dim: int) -> Array:
@@ -120,7 +120,7 @@ class NetByFrames:
         """Return the index of the point of a cell in a frame: ``sample * 4**log_side`` or following."""
         if log_side == 0:
             return sample
-        # With 2**16 cells per side there is one frame; a shift by 32 is not defined.
+        # With 2**16 cells per side there is one frame; a shift by 32 is undefined.
         start = sample << (2 * log_side) if log_side < 16 else jnp.zeros_like(sample)
         ones = np.uint32(2**log_side - 1)
         wrong_x = reverse(x << (32 - log_side)) ^ self.sequence.bit_reversed(start, 0)
@@ -131,7 +131,7 @@ class NetByFrames:
 
 @dataclass(frozen=True)
 class Moved:
-    """An invertible net after a scrambling; it permutes the cells, and subclasses undo that."""
+    """An invertible net after a scrambling, which permutes the cells; subclasses invert the permutation."""
 
     net: Invertible
 
@@ -149,13 +149,13 @@ class Moved:
         return self.net.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        """Return the index of a point in a cell: that of the net in the cell moved here."""
+        """Return the index of a point in a cell: that of the net's point in the cell that was moved here."""
         x, y = self.before(x, 0, log_side), self.before(y, 1, log_side)
         return self.net.index_in_cell(x, y, log_side, sample)
 
     @abc.abstractmethod
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        """Return the columns (dimension 0) or rows (1) that the scrambling moved to some places."""
+        """Return the columns (dimension 0) or rows (1) that the scrambling moved to the given places."""
 
 
 @frozen_pytree
@@ -171,12 +171,12 @@ class Flipped(Moved):
         return self.net.word(index, dim) ^ self.shifts[dim]
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        # In two steps: a shift by 32 is not defined.
+        # Two shifts, because a shift by 32 is undefined.
         return place ^ (self.shifts[dim] >> 1 >> (31 - log_side))
 
 
 def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFrames:
-    """Invert the digital sequence in base 2 of some generator matrices, uint32 (dims, 32)."""
+    """Invert the digital sequence in base 2 with the given generator matrices, uint32 (dims, 32)."""
     if sequence.dims < 2:
         raise ValueError(f"sequence must have at least 2 dimensions to fill a raster, got {sequence.dims}")
     if log_side == 0:
@@ -196,7 +196,7 @@ def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
     count = 2 * log_side
     bit_reversed = reverse(columns[:, :count])
     bit = jax.lax.iota(jnp.uint32, count)
-    # Row i of the system is digit i of the cell, as a word with one bit for each of the lower index bits.
+    # Row i of the system is for digit i of the cell, a word with one bit for each of the lower index bits.
     digits = jnp.concatenate(
         [(bit_reversed[j][None, :] >> bit[:log_side, None]) & np.uint32(1) for j in range(2)]
     )
@@ -208,8 +208,7 @@ def _inverse(columns: Array, log_side: int) -> tuple[Array, Array]:
         has = (left >> c) & np.uint32(1)
         candidates = (has == 1) & (bit >= c)
         pivot = jnp.argmax(candidates).astype(jnp.uint32)
-        # Adding the pivot row puts a one on the diagonal where there is none; then the other rows are
-        # cleared.
+        # Adding the pivot row puts a one on the diagonal if it is zero; then clear the other rows.
         lacks = (bit == c) & (has == 0)
         left, right = (jnp.where(lacks, rows ^ rows[pivot], rows) for rows in (left, right))
         others = (((left >> c) & np.uint32(1)) == 1) & (bit != c)

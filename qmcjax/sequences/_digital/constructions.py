@@ -1,4 +1,4 @@
-"""Digital sequences in base 2 by other constructions than Sobol's, or with other direction numbers."""
+"""Digital sequences in base 2 by constructions other than Sobol's, or with other direction numbers."""
 
 from dataclasses import field
 from functools import cache, lru_cache
@@ -31,7 +31,7 @@ CASCADED_DIMS = 1 + len(_CASCADE)
 
 @frozen_pytree
 class DigitalNet(Digital):
-    """The first 2**m points of matrices of order m, which do not extend to a sequence."""
+    """The 2**m points of matrices of order m, which do not extend to a sequence."""
 
     m: int = field(default=32, metadata={"static": True})
 
@@ -56,7 +56,7 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
     Parameters
     ----------
     m : int, in [1, 32]
-    dims : int, in [1, 32]; fewer dimensions are the first of these
+    dims : int, in [1, 32]; fewer dimensions are the first ones
 
     Returns
     -------
@@ -65,13 +65,12 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
 
     Notes
     -----
-    The construction is that of [1]_; the components are from our own search
-    (``analysis/tables/sobol_components.py``) among Joe and Kuo's, one by one, for small t of all pairs, and
-    of three and four consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P,
-    that of x + 1, for all dimensions, every third dimension is the same, since (P J)**3 is the identity,
-    where J reverses the digits. Over all pairs of the 32 dimensions, the mean of t is 2.1, 2.7 and 3.3 for m
-    = 8, 12 and 15, the largest t 6, 8 and 11; for :func:`sobol` the mean is 2.2, 2.5 and 2.9, the largest 5,
-    5 and 6.
+    The construction is that of [1]_. Our own search (``analysis/tables/sobol_components.py``) chose the
+    components among those of Joe and Kuo, one by one, for small t of all pairs, and of three and four
+    consecutive dimensions, for m = 4 to 14. The choice matters: with Pascal's matrix P, that of x + 1, in all
+    dimensions, every third dimension is the same, since (P J)**3 is the identity, where J reverses the
+    digits. Over all pairs of the 32 dimensions, the mean of t is 2.1, 2.7 and 3.3 for m = 8, 12 and 15, and
+    the largest t is 6, 8 and 11. For :func:`sobol` the mean is 2.2, 2.5 and 2.9, the largest 5, 5 and 6.
 
     References
     ----------
@@ -108,7 +107,7 @@ def one_two(dims: int) -> Digital:
 
     Parameters
     ----------
-    dims : int, in [1, 20]; fewer dimensions are the first of these
+    dims : int, in [1, 20]; fewer dimensions are the first ones
 
     Returns
     -------
@@ -117,10 +116,10 @@ def one_two(dims: int) -> Digital:
 
     Notes
     -----
-    In Sobol's construction x and x + 1 give the only (0,2)-sequence. The polynomials p and p**2 + p + 1 can
-    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/sobol_components.py``),
-    for all p of degrees up to 7 with both polynomials irreducible: such p have degrees 1, 2, 5, 6 and 7. They
-    are not those of [1]_.
+    In Sobol's construction, only x and x + 1 give a (0,2)-sequence. The polynomials p and p**2 + p + 1 can
+    reach t = 1 [1]_. The direction numbers are from our own search (``analysis/tables/sobol_components.py``)
+    and differ from those of [1]_. It covers all p of degrees up to 7 for which both polynomials are
+    irreducible: such p have degrees 1, 2, 5, 6 and 7.
 
     References
     ----------
@@ -148,11 +147,12 @@ _SZ_ORDER = 64
 
 
 def sz(dims: int) -> Digital:
-    """Make a (0,256)-sequence in base 256 of (0,16)-, (0,4)- and (0,2)-sequences in bases 16, 4 and 2.
+    """Make a (0,256)-sequence in base 256 from (0,16)-, (0,4)- and (0,2)-sequences in bases 16, 4 and 2.
 
     Components 2 k and 2 k + 1 are a (0,2)-sequence in base 2 for each k, components 4 k to 4 k + 3 a
     (0,4)-sequence in base 4, components 16 k to 16 k + 15 a (0,16)-sequence in base 16, and all 256 a
-    (0,256)-sequence in base 256. Fewer dimensions are the first of these: the first two are :func:`sobol`'s.
+    (0,256)-sequence in base 256. Fewer dimensions are the first ones; the first two are those of
+    :func:`sobol`.
 
     Parameters
     ----------
@@ -160,28 +160,30 @@ def sz(dims: int) -> Digital:
 
     Notes
     -----
-    Sequences with these properties are introduced in [1]_; their matrices are found by a search over two
-    alphabets of 2 x 2 blocks. Ours are constructed instead, and may differ. Let F be the field of 2**q
-    elements for q = 1, 2, 4, 8, and C_F(a) the generator matrix of Faure's sequence for a in F: its element
-    in row j and column r is binom(r, j) a**(r - j). As a binary matrix, it has the q x q matrix of
-    multiplication by an element in place of that element. With the elements numbered as Conway's nimbers
-    [2]_, the number c is a sum of its bit 0 in F_2, bit 1 in F_4, bits 2 and 3 in F_16 and bits 4 to 7 in
-    F_256, and component c has the matrix
+    Sequences with these properties were introduced in [1]_, with matrices from a search over two alphabets of
+    2 x 2 blocks. Ours are constructed instead, and may differ. Let F be the field of 2**q elements for q = 1,
+    2, 4, 8, and C_F(a) the generator matrix of the Faure sequence for a in F: its element in row j and column
+    r is binom(r, j) a**(r - j). To write it as a binary matrix, replace each element by the q x q matrix of
+    multiplication by it. If the elements are numbered as Conway's nimbers [2]_, the number c is the sum of
+    its bit 0 in F_2, bit 1 in F_4, bits 2 and 3 in F_16 and bits 4 to 7 in F_256, and component c has the
+    matrix
 
         C_2(c & 1) C_4(c & 2) C_16(c & 12) C_256(c & 240).
 
-    Why this works: C_F(a) C_F(b) = C_F(a + b). By Lucas' theorem, C_F(a) for a in F is B C_E(a**2), where E
-    is the field of the square of F's size, and B has only diagonal blocks, invertible, one for each digit of
-    E. So the product up to F is D C_F(a), where D is such a matrix for F, and a in F runs through all
-    elements with the bits of c up to F. These are components of Faure's sequence over F, times the rest of
-    the product from the right, the same for all components of a group. Neither D nor the rest changes t = 0:
-    the rest is upper triangular with unit diagonal, in blocks of the digits of F, too.
+    Proof: C_F(a) C_F(b) = C_F(a + b). By Lucas' theorem, C_F(a) for a in F is B C_E(a**2), where E is the
+    field with the square of the size of F, and B is block diagonal and invertible, with one block for each
+    digit of E. So the product up to F is D C_F(a), where D is such a matrix for F, and a runs through all
+    elements of F with the bits of c up to F. These are components of the Faure sequence over F, multiplied
+    from the right by the rest of the product, which is the same for all components of a group. Neither D nor
+    the rest changes t = 0: the rest, too, is upper triangular with unit diagonal, in blocks of the digits of
+    F.
 
-    Pairs of coordinates that are no (0,2)-sequence can be worse than those of :func:`sobol`, whose RMS errors
-    at 512 Owen-scrambled points are .72, .98, .92 and .81 times as large in coordinates 0, 2; 0, 3; 1, 2 and
-    1, 3, on average over half-planes, discs, smooth bumps and products, and .46 and .55 times for the smooth
-    ones in coordinates 0, 2. In the first four dimensions together they are .65 to .85 times as large for
-    2**7, 2**9, 2**11 and 2**13 points, which are no powers of 4, and .98 to 1.26 times for 2**6, ..., 2**14.
+    Pairs of coordinates that are not (0,2)-sequences can be worse than those of :func:`sobol`. At 512
+    Owen-scrambled points, the RMS errors of :func:`sobol` are .72, .98, .92 and .81 times as large in
+    coordinates 0, 2; 0, 3; 1, 2 and 1, 3, on average over half-planes, discs, smooth bumps and products, and
+    .46 and .55 times for the smooth ones in coordinates 0, 2. In the first four dimensions together they are
+    .65 to .85 times as large for 2**7, 2**9, 2**11 and 2**13 points, which are not powers of 4, and .98 to
+    1.26 times for 2**6, ..., 2**14.
 
     References
     ----------
@@ -224,7 +226,7 @@ def _field_pascal(element: int, bits: int) -> NDArray[np.int64]:
     matrix = np.zeros((count, bits, count, bits), np.int64)
     power = 1
     for distance in range(count):
-        # Column k holds the product with the element of bit k.
+        # Column k contains the product with the element of bit k.
         columns = [_nim_product(power, 1 << k) for k in range(bits)]
         block = np.array([[column >> i & 1 for column in columns] for i in range(bits)])
         for j in range(count - distance):
@@ -253,36 +255,36 @@ NIEDERREITER_XING_DIMS = 11
 
 
 def niederreiter_xing(dims: int) -> Digital:
-    """Make a Niederreiter-Xing sequence, a (t,s)-sequence in base 2 of small t.
+    """Make a Niederreiter-Xing sequence, a (t,s)-sequence in base 2 with small t.
 
-    The value t is 0 for 1 and 2 dimensions, 1 for 3 and 4, and 2, 3, 4, 5, 7, 8, 9 for 5 to 11. In base 2
-    none can be smaller in up to 4 dimensions. For :func:`sobol`, t is bounded by 0, 0, 1, 3, 5, 8, 11, 15,
-    19, 23, 27 [3]_.
+    t is 0 for 1 and 2 dimensions, 1 for 3 and 4, and 2, 3, 4, 5, 7, 8, 9 for 5 to 11. In up to 4 dimensions
+    no sequence in base 2 has a smaller t. For :func:`sobol`, t is bounded by 0, 0, 1, 3, 5, 8, 11, 15, 19,
+    23, 27 [3]_.
 
     Parameters
     ----------
     dims : int, in [1, 11]
-        Each number of dimensions has matrices of its own, but 1 and 3, which are the first of 2 and 4.
+        Each number of dimensions has its own matrices, except for 1 and 3, which are the first of 2 and 4.
 
     Notes
     -----
     The construction is that of [1]_ for function fields over F_2 of genus t with one rational place more than
-    dimensions; in four dimensions the elliptic curve y^2 + y = x^3 + x. A fixed place gives the digits of
-    functions, which have poles at one of the others for each coordinate (its theorem and proof:
-    ``analysis/tables/niederreiter_xing.py``, which makes the matrices). They are not those of [2]_,
-    which have the same t.
+    dimensions; in four dimensions the field of the elliptic curve y^2 + y = x^3 + x. Digits are those of
+    functions at a fixed place; each coordinate has functions with poles at one of the other places.
+    ``analysis/tables/niederreiter_xing.py``, which makes the matrices, gives the theorem and its proof. The
+    matrices differ from those of [2]_, which have the same t.
 
-    A small t of all coordinates does not mean good projections. In four dimensions, every pair has t = 1
-    for m >= 4, and every single coordinate for m = 5, 10, 15, ...; the first two coordinates of Sobol's
-    have t = 0. For 2**6 to 2**14 points, Owen-scrambled, Sobol's RMS errors are 1.20 times as large in all
-    four dimensions, on average over half-spaces, balls, smooth bumps and products, but .83 times as large in
-    the first two coordinates, .96 and .97 times in coordinates 1, 2 and 0, 2, and 1.16 to 1.19 times in the
-    other pairs. In eight dimensions, pairs have t = 2.1 on average for m = 6, 8,
-    ..., 14, Sobol's 1.7.
+    A small t of all coordinates does not imply good projections. In four dimensions, every pair has t = 1
+    for m >= 4, and every single coordinate for m = 5, 10, 15, ...; the first two coordinates of :func:`sobol`
+    have t = 0. For 2**6 to 2**14 Owen-scrambled points, the RMS errors of :func:`sobol` are 1.20 times as
+    large in all four dimensions, on average over half-spaces, balls, smooth bumps and products, but .83 times
+    as large in the first two coordinates, .96 and .97 times in coordinates 1, 2 and 0, 2, and 1.16 to 1.19
+    times in the other pairs. In eight dimensions, pairs have t = 2.1 on average for m = 6, 8, ..., 14, those
+    of :func:`sobol` 1.7.
 
     Digital sequences in base 2 with t <= 1 in four dimensions end at 2**9 points if a single coordinate has
-    t = 0, and at 2**5 if a pair has: exhaustive searches over all generator
-    matrices, column by column, find no others.
+    t = 0, and at 2**5 if a pair has: exhaustive searches over all generator matrices, column by column, find
+    no others.
 
     References
     ----------

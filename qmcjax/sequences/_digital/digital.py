@@ -20,7 +20,7 @@ from qmcjax.sequences._protocol.base import FEW, Derived, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction
 
 SOBOL_DIMS = 21201
-"""Number of dimensions of Joe and Kuo's table."""
+"""Number of dimensions in the table of Joe and Kuo."""
 
 
 def identity(reversed_bits: Array) -> Array:
@@ -29,7 +29,7 @@ def identity(reversed_bits: Array) -> Array:
 
 
 def larcher_sobol(reversed_bits: Array) -> Array:
-    """Return the product with the second matrix of Larcher and Pillichshammer's sequence."""
+    """Return the product with the second matrix of the Larcher-Pillichshammer sequence."""
     return pascal(gray_decode(reversed_bits))
 
 
@@ -37,7 +37,7 @@ def _sobol_beyond(dim: int, high: Array) -> Array:
     if dim == 0:
         return jnp.zeros_like(high)
     if dim == 1:
-        # Column 32 + k of Pascal's matrix begins with the 32 digits of column k, by Lucas' theorem.
+        # By Lucas' theorem, column 32 + k of Pascal's matrix begins with the 32 digits of column k.
         return pascal(high)
     return reverse(selected(columns_beyond(dim), high))
 
@@ -55,9 +55,9 @@ class Digital(BinarySequence):
     matrices: Array
     """uint32 (dims, 32): column k of C_j, its first row in bit 31."""
     steps: tuple[Callable[[Array], Array], ...] = field(default=(), metadata={"static": True})
-    """Products with the first matrices in log steps, on bit-reversed words."""
+    """Functions that multiply by the first matrices in log steps, on bit-reversed words."""
     upper: Callable[[int, Array], Array] | None = field(default=None, metadata={"static": True})
-    """Products of matrix ``dim`` with the upper words of indices, if columns from 32 on are known."""
+    """Multiplies upper words of indices by matrix ``dim``, if columns from 32 on are known."""
     called: str = field(default="digital", metadata={"static": True})
     """Name of the function that makes such a sequence."""
 
@@ -117,7 +117,7 @@ class Digital(BinarySequence):
             super().index_digits(component, count)
 
     def _columns(self, dims: tuple[int, ...]) -> Array:
-        """Return column k of the wanted matrices in row k, shape (32, len(dims))."""
+        """Return column k of the selected matrices in row k, shape (32, len(dims))."""
         if dims != tuple(range(self.dims)):
             return self.matrices[np.array(dims)].T
         return self.matrices.T
@@ -145,7 +145,7 @@ def sobol(dims: int = 2) -> Digital:
     """Make the Sobol' sequence with the direction numbers of Joe and Kuo.
 
     The first two components are the (0,2)-sequence of the identity and Pascal's matrix, computed in log
-    steps; the others are looked up in tables computed from their matrices.
+    steps; the others use lookup tables computed from their matrices.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def sobol(dims: int = 2) -> Digital:
     Returns
     -------
     Digital
-        Points in the order of binary digits of the index, not in Gray code order.
+        Points are in the order of the index's binary digits, not in Gray code order.
 
     References
     ----------
@@ -179,13 +179,13 @@ def sobol(dims: int = 2) -> Digital:
 
 
 def larcher_pillichshammer() -> Digital:
-    """Make the (0,2)-sequence of C'1, C'2, with Larcher and Pillichshammer's component as the first.
+    """Make the (0,2)-sequence of C'1, C'2, with the Larcher-Pillichshammer component first.
 
     Returns
     -------
     Digital
-        Two dimensions. The same nets of 2**m first points as the Sobol' sequence, numbered
-        differently; with ``i / 2**m`` as third component a (0,m,3)-net of larger minimum distance.
+        Two dimensions. The first 2**m points are those of the Sobol' sequence, numbered differently. With
+        ``i / 2**m`` as third component they are a (0,m,3)-net of larger minimum distance.
 
     References
     ----------
@@ -204,7 +204,7 @@ def larcher_pillichshammer() -> Digital:
 
 
 def digital(matrices: np.ndarray | Array) -> Digital:
-    """Make the digital sequence of any generator matrices over F2.
+    """Make the digital sequence of the given generator matrices over F2.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def digital(matrices: np.ndarray | Array) -> Digital:
 
 
 def inverted(net: Any, log_side: int) -> Invertible:
-    """Return an object that finds the points of a net, or of a digital sequence, from their cells.
+    """Return an object that finds the points of a net or digital sequence from their cells.
 
     Parameters
     ----------
@@ -266,14 +266,14 @@ def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
     Parameters
     ----------
     sequence : Digital
-        At least two dimensions; the first two must be a (0,2)-sequence, or at least put one of each
-        ``4**log_side`` points into every cell.
+        At least two dimensions. The first two must be a (0,2)-sequence, or at least have one of each
+        ``4**log_side`` points in every cell.
     log_side : int
         Binary logarithm of the number of cells per side, in [0, 16].
 
     References
     ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5, without its tables, for any ``log_side``.
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5 (here without tables, for any ``log_side``).
 
     Examples
     --------

@@ -23,17 +23,16 @@ _IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
 def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers, ...]:
     r"""Read direction numbers in the format of Joe and Kuo's files.
 
-    Each line holds d, s, a, and m_1, ..., m_s: the number of the dimension from 2 on, the degree of a
-    polynomial, its coefficients without the first and the last one as the binary digits of a, and the initial
-    numbers. A first line of names is a heading. Polynomials must be irreducible, m_k odd and below 2**k;
-    errors name file and line.
+    Each line contains d, s, a, and m_1, ..., m_s: the number of the dimension, from 2 on; the degree of a
+    polynomial; its coefficients, except the first and the last, as the binary digits of a; and the initial
+    numbers. The first line may be a heading. Polynomials must be irreducible, m_k odd and below 2**k.
 
     Parameters
     ----------
     path : path
-        A file such as ``new-joe-kuo-6.21201`` [1]_, packed by gzip or not; UTK's tables, whose d starts at 1;
-        ``soboljk`` and ``sobol`` of LDData and LatNet Builder. Lines of the last have the initial numbers
-        alone, for the polynomials of Joe and Kuo.
+        A file such as ``new-joe-kuo-6.21201`` [1]_, optionally compressed by gzip; UTK's tables, whose d
+        starts at 1; or ``soboljk`` and ``sobol`` files of LDData and LatNet Builder. Those of LatNet Builder
+        contain only the initial numbers, for the polynomials of Joe and Kuo.
 
     Returns
     -------
@@ -43,7 +42,7 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
     Raises
     ------
     ValueError
-        If the file is of another kind: names the file and the line.
+        If the file has another format. The message names the file and the line.
 
     References
     ----------
@@ -62,12 +61,12 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
 
 
 def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
-    """Return the direction numbers of a file, of the components from the second on."""
+    """Return the direction numbers of a file, from the second component on."""
     kind, lines = file.heading.kind, file.lines
     if kind not in ("", "sobol", "soboljk"):
         raise wrong(file.path, file.heading.number, "a heading of direction numbers", file.heading.text)
     if lines and "dimension" in lines[0].comment:
-        # LatNet Builder gives the number of components, and of points.
+        # LatNet Builder states the numbers of components and of points.
         dims, lines = lines[0].values[0], lines[1:]
         lines = lines[1:] if lines and "points" in lines[0].comment else lines
         if lines and "interlacing" in lines[0].comment:
@@ -133,13 +132,13 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
 
 
 def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digital:
-    """Make the Sobol' sequence of given direction numbers.
+    """Make the Sobol' sequence with the given direction numbers.
 
     Parameters
     ----------
     numbers : iterable of DirectionNumbers
         Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`. The
-        first dimension is van der Corput's sequence.
+        first dimension is the van der Corput sequence.
 
     Returns
     -------
@@ -162,19 +161,19 @@ def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
     Parameters
     ----------
     sequence : Digital
-        A Sobol' sequence, such as from :func:`sobol`, :func:`one_two` or :func:`sobol_of`, with the van der
+        A Sobol' sequence, as from :func:`sobol`, :func:`one_two` or :func:`sobol_of`, with the van der
         Corput sequence as first component.
 
     Returns
     -------
     tuple of DirectionNumbers
-        Of dimensions 2, 3, ..., of the least degree that gives the same 32 x 32 matrices; for
-        :func:`direction_numbers_text`.
+        Of dimensions 2, 3, ..., for :func:`direction_numbers_text`: those of smallest degree with the same 32
+        x 32 matrices.
 
     Notes
     -----
-    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial, so they are found by
-    elimination, degree by degree.
+    The recurrence of Eq. 5.13 [1]_ is linear in the coefficients of the polynomial: elimination finds them,
+    degree by degree.
 
     References
     ----------
@@ -193,7 +192,7 @@ def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
         raise ValueError("sequence must begin with the van der Corput sequence, got another component")
     found: list[DirectionNumbers] = []
     for dimension, columns in enumerate(matrices[1:], start=2):
-        # Degrees grow with the dimension in tables, so the last one is the best guess.
+        # In tables, degrees grow with the dimension, so the last one is the best guess.
         guess = len(found[-1].initial) if found else 1
         degrees = [*range(guess, 33), *range(1, guess)]
         tried = (_of_degree(columns.tolist(), degree) for degree in degrees)
@@ -207,7 +206,7 @@ def direction_numbers(sequence: Digital) -> tuple[DirectionNumbers, ...]:
 
 
 def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
-    """Return direction numbers of a degree for a matrix, None if there are none.
+    """Return direction numbers of a given degree for a matrix, None if there are none.
 
     With the columns v_k as fractions, v_k + v_(k-s) + v_(k-s) / 2**s is the sum of a_i v_(k-i), 0 < i < s.
     """
@@ -234,7 +233,7 @@ def _of_degree(columns: list[int], degree: int) -> DirectionNumbers | None:
 
 
 def _reduced(vector: int, chosen: int, basis: list[tuple[int, int]]) -> tuple[int, int]:
-    """Return a vector reduced by a basis, and the vectors that it is the sum of."""
+    """Return a vector reduced by a basis, and the vectors whose sum it is."""
     for other, others in basis:
         if vector >> (other.bit_length() - 1) & 1:
             vector, chosen = vector ^ other, chosen ^ others

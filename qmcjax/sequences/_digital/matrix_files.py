@@ -1,4 +1,4 @@
-"""Generator matrices from files, and to them."""
+"""Reading and writing generator matrices."""
 
 from os import PathLike
 
@@ -19,9 +19,9 @@ WORD = 32
 
 
 def components(file: IntegerFile) -> tuple[IntegerFile, int]:
-    """Return the file of the components of an interlaced net and the interlacing factor, else 1.
+    """Return the file of the components of an interlaced net, and the interlacing factor, else 1.
 
-    Of the three blocks of matrices of a scrambled net, the last is kept: those with which it was scrambled.
+    A scrambled net has three blocks of matrices; the last one, the matrices of the scrambling, is kept.
     """
     last = max((number for number, text in file.comments if text.startswith("columns of ")), default=0)
     lines = [line for line in file.lines if line.number > last or len(line.values) == 1]
@@ -34,7 +34,7 @@ def components(file: IntegerFile) -> tuple[IntegerFile, int]:
 
 
 def interlace(words: NDArray[np.uint32], factor: int) -> NDArray[np.uint32]:
-    """Return matrices whose rows are those of ``factor`` consecutive matrices in turn, (dims, 32)."""
+    """Return matrices with interleaved rows of ``factor`` consecutive matrices, (dims, 32)."""
     matrices = np.zeros((len(words) // factor, WORD), np.uint32)
     for row in range(WORD):
         bits = words[row % factor :: factor] >> np.uint32(WORD - 1 - row // factor) & np.uint32(1)
@@ -86,18 +86,18 @@ def read_matrices(
     Parameters
     ----------
     path : path
-        Text in one of these formats, packed by gzip or not, recognised by a comment before the numbers and by
-        the shape of the table:
+        Text in one of these formats, optionally compressed by gzip, recognised by a comment before the
+        numbers and by the shape of the table:
 
         - ``dnet``, ``dnetup``, ``plattice``, ``sobol`` and ``soboljk`` of LDData [1]_, which begin with this
           word in a comment;
-        - LatNet Builder's ``output.txt`` [2]_ in all styles, interlaced or not, but of ordinary lattices; of
-          a net with a left matrix scramble the scrambled matrices;
+        - ``output.txt`` of LatNet Builder [2]_ in all styles except ordinary lattices, interlaced or not; for
+          a net with a left matrix scramble, the scrambled matrices are read;
         - columns as in the Magic Point Shop [3]_: no header, one matrix per line, columns as integers with
           the first row as lowest bit;
-        - MatBuilder's matrices [4]_: a row of digits per line, the square matrices one after the other.
+        - matrices of MatBuilder [4]_: one row of digits per line, one square matrix after another.
     base : int, optional
-        In [2, 256], required for MatBuilder's matrices, which do not state it, and for columns that look like
+        In [2, 256]. Required for MatBuilder files, which do not state it, and for columns that look like
         them: square blocks of integers below 256. Other files must be in this base, by default 2.
     max_bytes : int
         Maximum size of the file.
@@ -106,19 +106,19 @@ def read_matrices(
     -------
     uint32 array, shape (dims, 32), in base 2
         For :func:`digital`: column k of C_j, its first row in bit 31. Missing columns are 0: points of
-        matrices with k columns repeat after 2**k. Rows from 32 on are left out: points are rounded down.
+        matrices with k columns repeat after 2**k. Rows from 32 on are dropped: points are rounded down.
     int64 array, shape (dims, rows, columns), in other bases
         Digits, for :func:`analysis.t_value`.
 
     Raises
     ------
     ValueError
-        If the file is too large, or of another kind: names the file and the line.
+        If the file is too large, or has another format. The message names the file and the line.
 
     Notes
     -----
-    The third number of ``dnet`` files is the number of columns; files of LDData hold the number of points in
-    its place, which is taken, too.
+    The third number of ``dnet`` files is the number of columns. Files of LDData have the number of points in
+    its place, which is accepted, too.
 
     References
     ----------
@@ -168,7 +168,7 @@ def read_matrices(
 
 
 def _alone(file: IntegerFile, given: int | None) -> NDArray:
-    """Return matrices of a file without a heading: rows of digits, or columns in base 2."""
+    """Return the matrices of a file without a heading: rows of digits, or columns in base 2."""
     first, values = file.lines[0], [value for line in file.lines for value in line.values]
     size, highest = len(first.values), max(values)
     blocks = size > 1 and len(file.lines) >= size and highest < _BASES
@@ -190,7 +190,7 @@ def _check_base(file: IntegerFile, number: int, found: int, base: int) -> None:
 
 
 def _of_columns(file: IntegerFile, start: int, header: list[int], base: int, upward: bool) -> NDArray:
-    """Return matrices of one line each; ``start``: number of lines of the header."""
+    """Return matrices from one line each; ``start``: number of lines of the header."""
     dims, columns, rows = header
     width = len(file.line(start, f"{dims} lines of columns").values)
     if columns != width:
@@ -214,7 +214,7 @@ def _of_columns(file: IntegerFile, start: int, header: list[int], base: int, upw
 
 
 def _table(file: IntegerFile, start: int, width: int) -> list[list[int]]:
-    """Return lines of one length."""
+    """Return lines of equal length."""
     for line in file.lines[start:]:
         if len(line.values) != width:
             raise wrong(file.path, line.number, f"{width} integers", line.values)
@@ -231,7 +231,7 @@ def _digits(value: int, rows: int, base: int) -> list[int]:
 
 
 def _words(table: list[list[int]], rows: int, upward: bool) -> NDArray[np.uint32]:
-    """Return columns as words of 32 digits, of which the first is the highest."""
+    """Return columns as words of 32 digits, the first in the highest bit."""
     kept = [line[:WORD] for line in table]
     if upward:
         low = np.array([[value % 2**WORD for value in line] for line in kept], np.uint32)

@@ -1,4 +1,4 @@
-"""Generator matrices of Sobol' components from irreducible polynomials: given ones, Joe and Kuo's."""
+"""Generator matrices of Sobol' components from irreducible polynomials, given or those of Joe and Kuo."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -20,7 +20,8 @@ def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
     ----------
     polynomial : int
         An irreducible polynomial over F2 other than x, of degree s in [1, 32], with the coefficient of x**i
-        in bit i: x**3 + x + 1 is 0b1011. Sobol' uses primitive ones, for which t is known as well.
+        in bit i: x**3 + x + 1 is 0b1011. Sobol' uses primitive polynomials; t is known for irreducible ones,
+        too.
     initial : int ArrayLike, shape (s,)
         m_1, ..., m_s: m_k is odd and less than 2**k.
 
@@ -89,8 +90,8 @@ def _columns_of_degree(
 ) -> NDArray[np.uint64]:
     """Return columns as fractions v_k = m_k / 2**k of 32 digits.
 
-    Products of m_k with powers of two become shifts of v_k to the right, so digits beyond 32 are not needed
-    for the next column.
+    Products of m_k with powers of two become right shifts of v_k, so the next column does not need digits
+    beyond 32.
     """
     components, degree = initial.shape
     columns = np.zeros((components, count), np.uint64)
@@ -106,10 +107,10 @@ def _columns_of_degree(
 
 @lru_cache(maxsize=2**16)
 def _is_irreducible(polynomial: int) -> bool:
-    """Return whether there is no factor, and the constant coefficient is 1 (M. O. Rabin, 1980).
+    """Return whether a polynomial is irreducible with constant coefficient 1 (M. O. Rabin, 1980).
 
-    Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no factor in
-    common with it for any prime p that divides n.
+    Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no common factor
+    with it for any prime p that divides n.
     """
     degree = polynomial.bit_length() - 1
     if polynomial % 2 == 0:
@@ -124,7 +125,7 @@ def _is_irreducible(polynomial: int) -> bool:
 
 
 def _squared(value: int, polynomial: int) -> int:
-    """Square a polynomial: its coefficients move apart."""
+    """Square a polynomial: zeros separate its coefficients."""
     return _reduced(int(f"{value:b}", 4), polynomial)
 
 
@@ -155,7 +156,7 @@ def matrices_of(dims: int) -> np.ndarray:
 
 @lru_cache
 def columns_beyond(dim: int) -> np.ndarray:
-    """Return columns 32 to 63 of the matrix of component ``dim`` > 0, their first 32 rows, as fractions."""
+    """Return the first 32 rows of columns 32 to 63 of the matrix of component ``dim`` > 0, as fractions."""
     return columns_of(joe_kuo_numbers(slice(dim - 1, dim)), 64)[0, 32:]
 
 

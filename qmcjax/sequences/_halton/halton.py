@@ -1,6 +1,6 @@
-"""Radical inverses, with permuted digits or not: the van der Corput and the Halton sequence.
+"""Radical inverses with or without permuted digits: the van der Corput and the Halton sequence.
 
-References are those of :func:`qmcjax.sequences.halton`.
+For references see :func:`qmcjax.sequences.halton`.
 """
 
 from dataclasses import field
@@ -50,9 +50,9 @@ def zaremba_permutations(base: int) -> np.ndarray:
 def faure_permutations(base: int) -> np.ndarray:
     """Return Faure's permutation for all digits [2]_; it keeps 0.
 
-    From the identity for b = 2, the permutation of 2b is twice the permutation of b, then the same plus 1;
-    for odd b = 2c + 1, the entries of the permutation of 2c that reach c increase by one, and c becomes the
-    middle.
+    It starts with the identity for b = 2. The permutation of 2b is twice the permutation of b, followed by
+    the same plus 1. For odd b = 2c + 1, entries of the permutation of 2c that are at least c increase by one,
+    and c is inserted in the middle.
     """
     return _every_digit(_faure_permutation(base))
 
@@ -67,15 +67,15 @@ def faure_lemieux_permutations(bases: tuple[int, ...]) -> list[np.ndarray]:
 
 
 def permutation_tables(permutations: list[np.ndarray]) -> Array:
-    """Return the look-up tables of all bases, one after the other."""
+    """Return the concatenated lookup tables of all bases."""
     return jnp.asarray(
         np.concatenate([t for p in permutations for t in reflection_tables(p.astype(np.uint32))])
     )
 
 
 def random_permutations(lengths: np.ndarray, key: Array) -> Array:
-    """Draw independent uniform permutations of the given lengths: uint32, one after the other."""
-    # One sort for all: numbers in random order within each permutation.
+    """Draw independent uniform permutations of the given lengths: uint32, concatenated."""
+    # A single sort puts the numbers of each permutation in random order.
     which = np.repeat(np.arange(len(lengths), dtype=np.uint32), lengths)
     digit = np.arange(len(which)) - np.repeat(np.cumsum(lengths) - lengths, lengths)
     return _shuffled(key, jnp.asarray(which), jnp.asarray(digit.astype(np.uint32)))
@@ -88,7 +88,7 @@ def _shuffled(key: Array, which: Array, digit: Array) -> Array:
 
 
 def random_tables(bases: tuple[int, ...], key: Array) -> Array:
-    """Return the look-up tables of independent uniform permutations of each digit of each base."""
+    """Return the lookup tables of independent uniform permutations of each digit of each base."""
     return _joined(random_permutations(np.repeat(bases, [digit_count(base) for base in bases]), key), bases)
 
 
@@ -126,16 +126,16 @@ HALTON_DIMS = 1024
 PERMUTATIONS = (None, "zaremba", "faure", "faure_lemieux", "random")
 
 MANY = 64
-"""Number of coordinates from which large bases share a program: one for each would compile too long."""
+"""Number of coordinates above which large bases share code, to limit compile time."""
 
 
 @frozen_pytree
 class RadicalInverses(DigitSequence):
-    """One radical inverse per coordinate (Hilbert paper, Eq. 1), with permuted digits or not."""
+    """One radical inverse per coordinate (Hilbert paper, Eq. 1), with or without permuted digits."""
 
     bases: tuple[int, ...] = field(metadata={"static": True})
     tables: Array | None = None
-    """uint16: the reflection tables of all bases, one after the other."""
+    """uint16: the concatenated reflection tables of all bases."""
 
     reported = ("dims", "base", "permuted")
 
@@ -155,7 +155,7 @@ class RadicalInverses(DigitSequence):
 
     @property
     def limit_64(self) -> int:
-        """Limit of 64-bit indices; permutations have the digits of 32 bits."""
+        """Limit of 64-bit indices; permutations cover only the digits of 32-bit indices."""
         return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
     def with_high_word(self, high: Array) -> Sequence:
@@ -274,25 +274,25 @@ def van_der_corput(base: int = 2) -> RadicalInverses | Digital:
 
 
 def halton(dims: int, permutation: str | None = None, key: Array | int | None = None) -> RadicalInverses:
-    """Make the Halton sequence: radical inverses in the first prime bases, with permuted digits or not.
+    """Make the Halton sequence: radical inverses in the first prime bases, with or without permuted digits.
 
     Parameters
     ----------
     dims : int, in [1, 1024]; in [1, 360] for "faure_lemieux"
     permutation : {None, "zaremba", "faure", "faure_lemieux", "random"}
-        The image of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b: "zaremba", (a +
-        k) mod b [1]_; "faure", Faure's recursively constructed permutation [2]_; "faure_lemieux", f a mod b
-        with a factor found by search for each b [3]_; "random", an independent uniform permutation for each
-        digit of each component.
+        The image of digit a, the k-th of the index (k = 0 is the digit of b**0), in base b. "zaremba": (a +
+        k) mod b [1]_. "faure": Faure's recursively constructed permutation [2]_. "faure_lemieux": f a mod b
+        with a searched factor for each b [3]_. "random": an independent uniform permutation for each digit of
+        each component.
     key : jax.random.key, or int in [0, 2**32), optional
         For "random" only. A new key does not recompile.
 
     Returns
     -------
     RadicalInverses
-        Every value is an exact fraction, rounded once, with the K digits of uint32 indices, the smallest K
-        with b**K >= 2**32. The Zaremba and the random permutations move 0: the digits beyond K would add one
-        constant below b**-K to all values; it is omitted.
+        Every value is an exact fraction, rounded once, with the K digits of uint32 indices: K is the smallest
+        number with b**K >= 2**32. The Zaremba and the random permutations move 0: digits beyond K would add
+        one constant below b**-K to all values; it is omitted.
 
     References
     ----------

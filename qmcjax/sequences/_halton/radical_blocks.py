@@ -2,7 +2,7 @@
 
 A block starts at index ``high * b**L + low`` and has at most b**L points. So the index of point k has the low
 digits ``low + k``, or these minus b**L and the high digits of ``high + 1``. Both high parts are reflected
-once for all points of the block; the low digits are few.
+once for all points of the block; only the few low digits are reflected for each point.
 """
 
 from functools import partial
@@ -27,7 +27,7 @@ from qmcjax.core.digits import (
 )
 
 PACKED = 8
-"""Largest base with permutations as words: four bits per digit, looked up by a shift."""
+"""Largest base with permutations packed into words: four bits per digit, looked up by a shift."""
 
 
 def low_digits(base: int, count: int) -> int:
@@ -39,14 +39,14 @@ def low_digits(base: int, count: int) -> int:
 
 
 def carried(low: Array, k: Array, size: int) -> tuple[Array, Array]:
-    """Return the low digits of point k of a block, as a number, and whether they carry."""
+    """Return the low digits of point k of a block as a number, and whether they carry."""
     number = low + k
     carry = number >= word(size)
     return jnp.where(carry, number - word(size), number), carry
 
 
 def prepare(first: Array, count: int, base: int, tables: Array | None, start: int) -> Any:
-    """Return the shared state of the blocks from ``first`` on, in one coordinate.
+    """Return the shared state of the blocks that start at ``first``, for one coordinate.
 
     ``count``: number of points in a block. ``tables``: reflection tables of permuted digits, uint16.
     ``start``: start of the tables of this base. For :func:`points`, with the same arguments.
@@ -92,7 +92,7 @@ def _shares(base: int, count: int, tables: Array | None) -> bool:
 
 
 def _digits(base: int, count: int, tables: Array | None) -> int:
-    """Return the number of low digits: the smallest, or those of one look-up."""
+    """Return the number of low digits: the smallest possible, or those of one lookup."""
     return low_digits(base, count) if tables is None or base <= PACKED else digit_spans(base)[0]
 
 
@@ -101,7 +101,7 @@ def _reflected(high: Array, base: int, digits: int, tables: Array | None, start:
     if tables is None:
         return digit_reversed(high, base, digit_count(base) - digits)
 
-    # The low digits are zeros here; their images are subtracted again. All but the result may wrap.
+    # The low digits are zeros here; their images are subtracted. Intermediate results may wrap.
     def number(index: Array) -> tuple[Array, Array]:
         spans = permuted_spans(span_numbers(index, base), base, tables, jnp.asarray(word(start)))
         return joined(spans, base)
@@ -135,7 +135,7 @@ def _permuted(number: Array, base: int, digits: int, packed: Array) -> Array:
 
 
 def _flips(tables: Array | None, start: int) -> Array:
-    """Return the image of 0 under permutations of binary digits: they flip the same digits of all words."""
+    """Return the image of 0: permutations of binary digits flip the same digits of all words."""
     if tables is None:
         return jnp.uint32(0)
     zeros = span_numbers(jnp.uint32(0), 2)

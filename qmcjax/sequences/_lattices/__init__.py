@@ -1,1 +1,1 @@
-"""Lattices and multiples of a vector modulo 1."""
+"""Lattices and Kronecker sequences."""

@@ -17,11 +17,11 @@ from qmcjax.sequences._protocol.base import Derived
 from qmcjax.sequences._protocol.binary import Fraction, WordFirst
 
 LATTICE_DIMS = 250
-"""Number of components of Cools, Kuo and Nuyens' vector."""
+"""Number of components of the vector of Cools, Kuo and Nuyens."""
 
 
 class Multiples(WordFirst):
-    """Multiples of a vector modulo 1: as fractions of 32 bits, products of words that wrap."""
+    """Multiples of a vector modulo 1, as wrapping products of 32-bit fractions."""
 
     vector: Array
     """uint32 (dims,)."""
@@ -79,7 +79,7 @@ def lattice(dims: int) -> LatticeSequence:
     """Make the extensible rank-1 lattice sequence of Cools, Kuo and Nuyens.
 
     The first ``2**m`` points are the lattice of all multiples of ``z / 2**m``, numbered by radical
-    inverses [2]_; the later blocks of ``2**m`` points are shifted copies of it.
+    inverses [2]_; later blocks of ``2**m`` points are shifted copies of it.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def lattice(dims: int) -> LatticeSequence:
     Returns
     -------
     LatticeSequence
-        Exact in all 32 bits for every index. The vector was constructed for up to 2**20 points: beyond, the
+        Exact in all 32 bits for every index. The vector was constructed for up to 2**20 points: larger
         lattices are as regular, but their quality is unknown.
 
     References
@@ -114,7 +114,7 @@ def lattice(dims: int) -> LatticeSequence:
 ROBERTS_DIMS = 64
 
 _DIGITS = 96
-"""Digits of a step: 64 of an index, and 32 of a coordinate."""
+"""Digits of a step: 64 for the index, and 32 for the coordinate."""
 
 
 @frozen_pytree
@@ -146,7 +146,7 @@ class Kronecker(WordFirst):
 def _multiple(step: Array, low: Array, high: Array | np.uint32) -> Array:
     """Return the upper word of ``(high * 2**32 + low) * step`` modulo 2**96.
 
-    As in long multiplication: a product of two words and one more word fit 64 bits.
+    This is long multiplication: the product of two words plus a third word fits 64 bits.
     """
     with jax.enable_x64(True):
         first, second, third = (step[k].astype(jnp.uint64) for k in range(3))
@@ -169,9 +169,9 @@ def kronecker(steps: Any) -> Kronecker:
     Returns
     -------
     Kronecker
-        Each step is rounded to the nearest multiple of 2**-96. Its multiples are exact, and rounded down to
-        32 digits: no index, of 32 or of 64 bits, loses precision. Coordinate j of point i differs from that
-        of the given vector by less than 2**-32.
+        Each step is rounded to the nearest multiple of 2**-96. Its multiples are exact, then rounded down to
+        32 digits: precision does not depend on the index, of 32 or of 64 bits. Coordinate j of point i
+        differs from that of the given vector by less than 2**-32.
 
     Notes
     -----
@@ -201,10 +201,10 @@ def kronecker(steps: Any) -> Kronecker:
 
 
 def roberts(dims: int = 2) -> Kronecker:
-    """Make Roberts' sequence R_d, in two dimensions R2: the Kronecker sequence of a generalised golden ratio.
+    """Make the Roberts sequence R_d, the Kronecker sequence of a generalised golden ratio.
 
     The steps are the powers p**-1, ..., p**-d of the root p > 1 of p**(d + 1) = p + 1: the golden ratio for
-    d = 1, the plastic number for d = 2.
+    d = 1, the plastic number for d = 2 (R2).
 
     Parameters
     ----------
@@ -219,7 +219,7 @@ def roberts(dims: int = 2) -> Kronecker:
     -----
     The polynomial is irreducible [2]_, so 1 and the steps are a basis of a number field: no multiple k of the
     steps is closer to an integer vector than a constant times k**(-1 / d) [3]_, the best possible order. p is
-    a Pisot number for d = 1 and 2 only. The discrepancy in [1]_ is measured, not proven.
+    a Pisot number only for d = 1 and 2. The discrepancy in [1]_ is measured, not proven.
 
     References
     ----------

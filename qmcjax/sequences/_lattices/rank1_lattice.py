@@ -1,4 +1,4 @@
-"""Rank-1 lattices, of good and of given generating vectors, also from files and to them."""
+"""Rank-1 lattices with searched or given generating vectors; reading and writing them."""
 
 from dataclasses import field
 from functools import lru_cache
@@ -50,7 +50,7 @@ class Rank1Lattice(Sequence):
         with jax.enable_x64(True):
             product = index.astype(jnp.uint64) * self.vector[dim].astype(jnp.uint64)
             numerator = (product % np.uint64(self.n)).astype(jnp.uint32).astype(jnp.float64)
-            # XLA would compile a constant divisor to a product with its rounded reciprocal.
+            # XLA would compile division by a constant to a product with the rounded reciprocal.
             value = numerator / (numerator * 0.0 + np.float64(self.n))
             if dtype == jnp.float64:
                 return value
@@ -76,7 +76,7 @@ class BinaryRank1Lattice(Multiples):
 
 
 def rank1_of(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Lattice:
-    """Return the lattice of n points and a vector below n."""
+    """Return the lattice of n points with a generating vector below n."""
     if n & (n - 1):
         return Rank1Lattice(n, jnp.asarray(np.array(vector, np.uint32)))
     fractions = [g * (2**32 // n) % 2**32 for g in vector]
@@ -84,7 +84,7 @@ def rank1_of(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Latti
 
 
 def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
-    """Make the rank-1 lattice of the vector (1, a, a**2, ...), in Korobov's form.
+    """Make the Korobov lattice, the rank-1 lattice of the vector (1, a, a**2, ...).
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
     Returns
     -------
     Sequence
-        The points ``i (1, a, a**2, ...) / n`` modulo 1: with exact ``bits`` if n is a power of two,
-        else rounded once, but never to 1.
+        The points ``i (1, a, a**2, ...) / n`` modulo 1, with exact ``bits`` if n is a power of two, else
+        rounded once, but never to 1.
 
     References
     ----------
@@ -117,10 +117,10 @@ def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
 
 
 def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
-    """Make the rank-1 lattice of the largest toroidal minimum distance.
+    """Make the rank-1 lattice of largest toroidal minimum distance.
 
-    All vectors (1, a) or (1, a, b) are compared, so no rank-1 lattice with a component coprime to n is
-    better. Among equally good vectors, the one with the smallest ``a`` is used.
+    The search compares all vectors (1, a) or (1, a, b), so no rank-1 lattice with a component coprime to n is
+    better. Among equally good vectors, it takes the one with the smallest ``a``.
 
     Parameters
     ----------
@@ -178,35 +178,35 @@ def _tabulated() -> dict[int, tuple[int, ...]]:
 def read_lattice(
     path: str | PathLike[str], n: int | None = None, *, max_bytes: int = 2**30
 ) -> Rank1Lattice | BinaryRank1Lattice | LatticeSequence:
-    r"""Read the generating vector of a rank-1 lattice from a file, and make the lattice.
+    r"""Read the generating vector of a rank-1 lattice from a file and make the lattice.
 
     Parameters
     ----------
     path : path
-        Text in one of these formats, packed by gzip or not, recognised by a comment before the numbers and by
-        the shape of the table:
+        Text in one of these formats, optionally compressed by gzip, recognised by a comment before the
+        numbers and by the shape of the table:
 
-        - ``lattice`` of LDData [1]_, which begins with this word in a comment, and LatNet Builder's
-          ``output.txt`` for ordinary lattices [2]_, embedded or not: the number of dimensions, the number of
-          points, and the vector, one integer per line;
-        - the vector alone, one integer per line, or pairs of a dimension and an integer, as in the Magic
-          Point Shop [3]_ and in Kuo's files [4]_.
+        - ``lattice`` of LDData [1]_, which begins with this word in a comment, and ``output.txt`` of LatNet
+          Builder for ordinary lattices [2]_, embedded or not: the number of dimensions, the number of points,
+          and the vector, one integer per line;
+        - only the vector, one integer per line, or pairs of a dimension and an integer, as in the Magic Point
+          Shop [3]_ and in Kuo's files [4]_.
     n : int, optional
-        In [1, 2**32]: number of points, for a vector alone.
+        In [1, 2**32]: number of points, for files with only a vector.
     max_bytes : int
         Maximum size of the file.
 
     Returns
     -------
     Sequence
-        The ``n`` points of the lattice in the order of multiples of the vector; for a vector alone without
-        ``n`` the extensible lattice sequence in base 2, as :func:`lattice`.
+        The ``n`` points of the lattice in the order of multiples of the vector. For only a vector, without
+        ``n``, the extensible lattice sequence in base 2, as :func:`lattice`.
 
     Raises
     ------
     ValueError
-        If the file is too large, or of another kind, such as a polynomial lattice, which
-        :func:`read_matrices` reads: names the file and the line.
+        If the file is too large, or has another format, such as a polynomial lattice, which
+        :func:`read_matrices` reads. The message names the file and the line.
 
     References
     ----------
@@ -252,7 +252,7 @@ def read_lattice(
 
 
 def _vector(file: IntegerFile, start: int, limit: int) -> tuple[int, ...]:
-    """Return the integers of the lines, which may have their number before them."""
+    """Return the integers of the lines, which may be numbered."""
     vector = []
     width = len(file.line(start, "the generating vector").values)
     for place, line in enumerate(file.lines[start:], start=1):

@@ -19,7 +19,7 @@ from qmcjax.sequences._protocol.binary import BinarySequence
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Net(BinarySequence):
-    """A net in base 2 whose first two coordinates are a (0,m,2)-net: one point per interval of area 2**-m."""
+    """A net in base 2 with a (0,m,2)-net as first two coordinates: one point per interval of area 2**-m."""
 
     m: int = field(metadata={"static": True})
 
@@ -74,14 +74,14 @@ class Net(BinarySequence):
 
 
 class MatrixNet(Net):
-    """A net whose second coordinate has a matrix C = L U with unit triangular factors over F2."""
+    """A net with a matrix C = L U for the second coordinate, with unit triangular factors over F2."""
 
     @abc.abstractmethod
     def solve(self, digits: Array, log_side: int) -> Array:
-        """Return the low digits of an index that make these leading digits of the second coordinate."""
+        """Return the low digits of the index that give these leading digits of the second coordinate."""
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
-        # The lowest index bits fix the leading rows for all others.
+        # For any other index bits, the lowest ones determine the leading rows.
         upper = above(x, self.m - log_side) | (sample << log_side)
         wrong = low(self.further(upper, 1), log_side) ^ reverse_low(y, log_side)
         return upper | self.solve(wrong, log_side)
@@ -89,10 +89,10 @@ class MatrixNet(Net):
 
 @frozen_pytree
 class StepsNet(MatrixNet):
-    """Products with the matrices in a few steps on words."""
+    """A net that multiplies by its matrices in a few steps on words."""
 
     steps: tuple[Callable[[Array], Array], ...] = field(metadata={"static": True})
-    """The further coordinates, bit-reversed, from the index."""
+    """Functions from the index to the further coordinates, bit-reversed."""
     inverse: Callable[[Array], Array] = field(metadata={"static": True})
     """The inverse of the first of them."""
     called: str = field(metadata={"static": True})
@@ -111,7 +111,7 @@ class StepsNet(MatrixNet):
 
 @frozen_pytree
 class ColumnsNet(MatrixNet):
-    """Products with the columns of the matrices."""
+    """A net that multiplies by the columns of its matrices."""
 
     columns: Array
     """uint32 (dims - 1, m): column k of each matrix, its first row in bit 0."""
@@ -140,7 +140,7 @@ def fraction_of(numerator: Array, m: int) -> Array:
 
 
 def above(word: Array, count: int) -> Array:
-    """Shift to the left; a shift by 32 or more gives zero."""
+    """Shift left; a shift by 32 or more gives zero."""
     return word << min(count, 31)
 
 

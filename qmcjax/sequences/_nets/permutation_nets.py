@@ -1,4 +1,4 @@
-"""Permutation nets of large minimum distance in two and three dimensions, which are not digital nets."""
+"""Permutation nets of large minimum distance in two and three dimensions; they are not digital nets."""
 
 from dataclasses import field
 
@@ -26,8 +26,8 @@ class PermutationNet(Net):
             y = low(index - (reverse_low(low(index, half), half) << (self.m - half)), self.m)
         else:
             # x = 2^half rev(k) + floor(k / 4) + (1 + r) 2^(half - 2), y = k + r 2^half, solved for k and r:
-            # the low bits of x are k's upper ones, and those of (x - floor(k / 4)) / 2^(half - 2)
-            # above bit half are, once 4 rev(k) has lost its lower part, k's lowest two.
+            # the low bits of x are the upper ones of k. After removing the lower part of 4 rev(k), the bits
+            # of (x - floor(k / 4)) / 2^(half - 2) above bit half are the lowest two of k.
             upper = low(index, half - 2)
             rest = (index >> (half - 2)) - np.uint32(1) - (reverse_low(upper, half - 2) << 2)
             lowest = reverse_low(low(rest >> half, 2), 2)
@@ -56,13 +56,13 @@ class PermutationNet(Net):
 def permutation_net(m: int) -> Net:
     """Make the permutation net of large minimum distance, which is not a digital net.
 
-    The squared toroidal distance is 2**m on the integer grid for odd m, and 241 * 2**(m - 8) for even m >= 8
-    with the *sheared* tiling, rows shifted by 2**(m - 2).
+    Its squared toroidal distance on the integer grid is 2**m for odd m, and 241 * 2**(m - 8) for even m >= 8
+    with the *sheared* tiling, which shifts rows by 2**(m - 2).
 
     Parameters
     ----------
     m : int
-        In [1, 32]. The construction starts at m = 4 for even m; m = 2 gives the Hammersley net, with the
+        In [1, 32]. For even m the construction starts at m = 4; m = 2 gives the Hammersley net, with the
         distance of Table 5.1.
 
     Returns
@@ -85,21 +85,21 @@ def permutation_net(m: int) -> Net:
 def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Array:
     """Return points of the permutation net in the pixels of one row of the screen.
 
-    With the net in every pixel, the screen keeps the minimum distance of the net if each row of pixels shifts
-    it by a quarter of a pixel along x relative to the row below, modulo the pixel. For odd m there is no
-    shift. The pattern repeats after four rows, and in each row from pixel to pixel.
+    If every pixel contains the net, the screen keeps its minimum distance if each row of pixels shifts it by
+    a quarter of a pixel along x relative to the row below, modulo the pixel. For odd m there is no shift. The
+    pattern repeats after four rows, and within each row from pixel to pixel.
 
     Parameters
     ----------
     m : int, in [1, 32]: 2**m points per pixel
     row : uint32 Array, or int, row of the pixel, counted along the second coordinate
     index : uint32 Array, broadcastable to ``row``, or int
-        Below 2**m, in the numbering of :func:`permutation_net`.
+        Below 2**m, numbered as in :func:`permutation_net`.
 
     Returns
     -------
     uint32 Array, the broadcast shape + (2,)
-        Fractions of the pixel: the coordinate is ``bits / 2**32``.
+        Fractions of the pixel: a coordinate is ``bits / 2**32``.
 
     References
     ----------
@@ -115,7 +115,7 @@ def permutation_net_in_row(m: int, row: Array | int, index: Array | int) -> Arra
     net = permutation_net(m)
     row, index = jnp.broadcast_arrays(checks.unsigned("row", row), checks.unsigned("index", index, net.size))
     x, y = net.word(index, 0), net.word(index, 1)
-    # A quarter of the pixel is 2**30: in the product with the row, multiples of four wrap to 0.
+    # A quarter of a pixel is 2**30: in the product with the row, multiples of four wrap to 0.
     return jnp.stack([x if net.m % 2 else x + (row << 30), y], axis=-1)
 
 
@@ -156,8 +156,8 @@ class PermutationNet3D(WordFirst):
         return numerator << (32 - self.m)
 
     def _numerator(self, index: Array, dim: int) -> Array:
-        # In bits, the octant (a, b, c) makes x = a x' c b, y = b y' c a and z = c z' (a ^ b) a out of
-        # (x', y', z'). So x gives the octant and x'.
+        # In bits, the octant (a, b, c) maps (x', y', z') to x = a x' c b, y = b y' c a and z = c z' (a ^ b)
+        # a. So x determines the octant and x'.
         rest, m, done = index, self.m, 0
         coordinate = jnp.zeros_like(index)
         while m > 5:
@@ -171,7 +171,7 @@ class PermutationNet3D(WordFirst):
 
 
 def _truth_tables(permutation: tuple[int, ...]) -> list[np.uint32]:
-    """Return one word per bit of at most 32 numbers, with bit i from number i: avoids a gather."""
+    """Return one word per bit of at most 32 numbers, with bit i from number i, to avoid a gather."""
     bits = (len(permutation) - 1).bit_length()
     return [
         np.uint32(sum((number >> k & 1) << i for i, number in enumerate(permutation))) for k in range(bits)
@@ -181,16 +181,15 @@ def _truth_tables(permutation: tuple[int, ...]) -> list[np.uint32]:
 def permutation_net_3d(m: int) -> PermutationNet3D:
     """Make the permutation net of large minimum distance: P_2, ..., P_5 and their tilings.
 
-    Up to m = 5 these are the (0,m,3)-nets found by search, of squared toroidal distance 6, 12, 38 and
-    90 on the integer grid. Beyond, the points of m - 3 are repeated in the eight octants. This keeps
-    the Latin hypercube property, one point in each of 2**m slabs along each axis, but each tiling
-    raises t by one, as counted up to m = 14: m = 6, 7, 8 give (1,m,3)-nets, m = 9, 10, 11 (2,m,3)-nets.
+    Up to m = 5 these are the (0,m,3)-nets found by search, with squared toroidal distances 6, 12, 38 and 90
+    on the integer grid. For larger m, the points for m - 3 are repeated in the eight octants. This keeps the
+    Latin hypercube property, one point in each of 2**m slabs along each axis, but each tiling raises t by
+    one, as counted up to m = 14: m = 6, 7, 8 give (1,m,3)-nets, m = 9, 10, 11 (2,m,3)-nets.
 
     Parameters
     ----------
     m : int
-        In [2, 32]. Every such m is 2, 3, 4 or 5 plus a multiple of 3; if both P_2 and P_5 lead to it, P_5 is
-        used.
+        In [2, 32]. Every such m is 2, 3, 4 or 5 plus a multiple of 3; P_5 is preferred to P_2.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Results of our searches: nets of large minimum distance, and point sets of small discrepancy."""
+"""Results of our searches: nets of large minimum distance and point sets of small discrepancy."""
 
 from functools import cache
 
@@ -24,17 +24,17 @@ def optimized_net(m: int) -> ColumnsNet:
     -------
     ColumnsNet
         Its squared toroidal distance on the integer grid is 2, 2, 8, 13, 29, 52, 100, 208, 425 for m = 1,
-        ..., 9, and beyond four times that of ``optimized_net(m - 2)``.
+        ..., 9, and for larger m four times that of ``optimized_net(m - 2)``.
 
     Notes
     -----
-    The matrices of order 1 to 7 and 9 were found by simulated annealing; the others are diag(1, C, 1) with C
-    of order m - 2. In units of the grid, this makes four copies of the smaller net, scaled by two, in 2 x 2
-    tiles: the copy in tile (u, v) is shifted by (v, u). After k such steps there are 2**k x 2**k copies,
-    scaled by 2**k and shifted by less than that, in y equally for a column of tiles and in x for a row. So in
-    units of the grid of the first net, only a pair across a vertical border can lose distance in y, and only
-    a pair across a horizontal border in x, less than 1 each. No such pair of the nets for m = 6 and 9 is
-    close enough for this to matter, which proves the distances 52 * 4**k and 425 * 4**k for all k.
+    Simulated annealing found the matrices of order 1 to 7 and 9; the others are diag(1, C, 1) with C of order
+    m - 2. In units of the grid, this puts four copies of the smaller net, scaled by two, into 2 x 2 tiles;
+    the copy in tile (u, v) is shifted by (v, u). After k such steps there are 2**k x 2**k copies, scaled by
+    2**k and shifted by less than that: equally in y for a column of tiles, and in x for a row. So in units of
+    the grid of the first net, only a pair across a vertical border can lose distance in y, and only a pair
+    across a horizontal border in x, less than 1 each. No such pair of the nets for m = 6 and 9 is close
+    enough for this to matter, which proves the distances 52 * 4**k and 425 * 4**k for all k.
 
     For m <= 7 and for even m the distances are those that Table 5.1 of [1]_ reports for matrices; for odd
     m >= 9 they are larger: 425, 1700, 6800, 27200 instead of 400, 1600, 6385, 25313.
@@ -82,9 +82,9 @@ def optimized_net_3d(m: int) -> ColumnsNet:
 
     Notes
     -----
-    Found by ``analysis.search_matrices``, separately for each m: no net is part of another. In the unit cube,
-    the (0,13,3)-net found by search in [1]_ has the distance 0.01342385, this one 0.02956774. Larger
-    distances may exist.
+    ``analysis.search_matrices`` found them, separately for each m: no net is part of another. In the unit
+    cube, the (0,13,3)-net found by search in [1]_ has minimum distance 0.01342385, this one 0.02956774.
+    Larger distances may exist.
 
     References
     ----------
@@ -114,10 +114,10 @@ def optimized_sequence() -> Digital:
 
     Notes
     -----
-    The matrices C_1 and C_2 of order 16 were found by ``analysis.search_matrices``. For 32 columns they are
-    repeated as ((C_1, 0), (0, C_1)) and ((C_2, C_2), (0, C_2)). As Pascal's triangle modulo 2 repeats in the
-    latter way, the factors C_1 = L_1 U and C_2 = L_2 P U, which all (0,2)-sequences in base 2 have, are those
-    of order 16 repeated on the diagonal, and t remains 0. Distances beyond m = 16 were not optimised.
+    ``analysis.search_matrices`` found the matrices C_1 and C_2 of order 16. For 32 columns they are repeated
+    as ((C_1, 0), (0, C_1)) and ((C_2, C_2), (0, C_2)). Pascal's triangle modulo 2 repeats in the latter way.
+    So the factors C_1 = L_1 U and C_2 = L_2 P U, which exist for all (0,2)-sequences in base 2, are those of
+    order 16 repeated on the diagonal, and t remains 0. Distances beyond m = 16 were not optimised.
 
     References
     ----------
@@ -153,13 +153,13 @@ _FILES = {
 
 
 def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
-    """Make the n points of smallest discrepancy found by our searches.
+    """Make the n points of smallest discrepancy that our searches found.
 
     Parameters
     ----------
     n : int
-        Powers of 2 from 16 to 256, for ``"star"`` to 2048 in two and three dimensions, 128 in five and 64 in
-        six, and in two also 20, 60, 100, 140, 220, 500 and 1020.
+        Powers of 2 from 16 to 256; for ``"star"`` up to 2048 in two and three dimensions, 128 in five and 64
+        in six, and in two also 20, 60, 100, 140, 220, 500 and 1020.
     dims : int, in [2, 6]
     discrepancy : str
         "star"; "periodic", the periodic L2 discrepancy; or "average", the average squared discrepancy [1]_,
@@ -171,11 +171,11 @@ def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
 
     Notes
     -----
-    Found by ``python -m analysis.tables discrepancy_records.npz``, separately for each n: a set is neither
+    ``python -m analysis.tables discrepancy_records.npz`` found them, separately for each n: a set is neither
     part of another one nor a digital net. Smaller discrepancies may exist. The points are sorted, so do not
     use only the first few of them. ``python -m analysis.tables.discrepancy_records`` computes discrepancies
-    in rational arithmetic, and prints a box where a star discrepancy is attained. For a file to cite, use
-    ``bridges.write_points``: its text has a checksum. Star discrepancies, rounded up:
+    in rational arithmetic, and prints a box that attains the star discrepancy. For a file to cite, use
+    ``bridges.write_points``: it includes a checksum. Star discrepancies, rounded up:
 
     =====  =========  =========  =========  =========  =========
     n      2-D        3-D        4-D        5-D        6-D

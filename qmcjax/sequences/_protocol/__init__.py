@@ -1,1 +1,1 @@
-"""The interfaces of sequences, and adapters for objects of users."""
+"""The interfaces of sequences, and adapters for user-defined objects."""

@@ -1,4 +1,4 @@
-"""The interface of a sequence: from an index to a point, at random access, and to its digits."""
+"""The interface of a sequence: random access from an index to a point and to its digits."""
 
 import abc
 import dataclasses
@@ -25,12 +25,12 @@ class Sequence(abc.ABC):
     """A function from an index to a point of the unit cube.
 
     Subclasses are frozen dataclass pytrees that implement ``dims``, ``size`` and :meth:`coordinate`. Calls,
-    :meth:`points` and slices check their arguments. All other methods are for samplers and wrappers, and
-    check nothing: indices are uint32 arrays below ``limit``, dimensions are tuples of integers.
+    :meth:`points` and slices check their arguments. All other methods are for samplers and wrappers and do
+    not check: indices are uint32 arrays below ``limit``, dimensions are tuples of integers.
     """
 
     reported = ("dims", "size")
-    """Attributes in the repr."""
+    """Attributes shown in the repr."""
 
     @property
     @abc.abstractmethod
@@ -58,7 +58,7 @@ class Sequence(abc.ABC):
         Parameters
         ----------
         high : uint32 Array
-            In the shape of the indices. 64-bit indices must be below ``limit_64``.
+            Of the indices' shape. 64-bit indices must be below ``limit_64``.
         """
         raise ValueError(f"sequence must have 64-bit indices, got {checks.shown(self)}")
 
@@ -67,7 +67,7 @@ class Sequence(abc.ABC):
         """Return one coordinate of the points, in the shape of ``index``."""
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return some coordinates of the points, shape ``index.shape + (len(dims),)``."""
+        """Return the given coordinates of the points, shape ``index.shape + (len(dims),)``."""
         return jnp.stack([self.coordinate(index, j, dtype) for j in dims], axis=-1)
 
     def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
@@ -82,7 +82,7 @@ class Sequence(abc.ABC):
         Returns
         -------
         Array of ``dtype``, in [0, 1)
-            The sum is rounded once, from float64, and never to 1; in base 2 it is exact.
+            In base 2 the sum is exact, otherwise rounded once from float64, and never to 1.
         """
         with jax.enable_x64(True):
             return plus_modulo_1(self.coordinate(index, dim, jnp.float64), offset, dtype)
@@ -112,7 +112,7 @@ class Sequence(abc.ABC):
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        """Return point ``first + k`` of each block, bit-identical with :meth:`coordinates`.
+        """Return point ``first + k`` of each block, bit-identical to :meth:`coordinates`.
 
         Parameters
         ----------
@@ -130,8 +130,8 @@ class Sequence(abc.ABC):
     def radical_bases(self) -> tuple[int | None, ...]:
         """Return the base of each component that is a radical inverse, scrambled or not, None for others.
 
-        The first m digits of such a component repeat every base**m points. In digital sequences these are
-        components with lower triangular matrices; traced matrices count as such.
+        The first m digits of such a component repeat every base**m points. In digital sequences these are the
+        components with lower triangular matrices; traced matrices count as lower triangular.
         """
         return (None,) * self.dims
 
@@ -145,12 +145,12 @@ class Sequence(abc.ABC):
         Returns
         -------
         uint32 Array, shape (count, base), or None
-            Row k maps digit k of the component to that of the index; None if they are equal.
+            Row k maps digit k of the component to digit k of the index; None if they are equal.
 
         Raises
         ------
         ValueError
-            If the component is not a radical inverse, with digits permuted one by one or not.
+            If the component is not a radical inverse, with or without digits permuted one by one.
         """
         raise ValueError(
             f"component must be a radical inverse, with digits permuted one by one or not, got "
@@ -167,7 +167,7 @@ class Sequence(abc.ABC):
         index : integer ArrayLike, shape (...)
             Below ``size``, or 2**32. Traced integers are not checked, but taken modulo 2**32.
         dims : tuple of int, optional
-            The wanted coordinates, static; only these are computed. All by default.
+            The coordinates to compute, static. All by default.
         dtype : float32 or float64
 
         Returns
@@ -185,10 +185,10 @@ class Sequence(abc.ABC):
         n : int
             Number of points. A new n recompiles.
         start : int
-            Index of the first point; a new one does not recompile. Digital sequences in base 2 have a faster
-            program for multiples of 256.
+            Index of the first point; a new one does not recompile. Digital sequences in base 2 are faster for
+            multiples of 256.
         dtype : float32 or float64
-            float64 needs no global flag.
+            float64 does not need the ``jax_enable_x64`` flag.
 
         Returns
         -------
@@ -203,7 +203,7 @@ class Sequence(abc.ABC):
             return materialize(self._maker(start, n, dtype), n, self.dims, dtype)
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
-        """Return a function of (first, count) for points start + first, ..., with count at least ROWS."""
+        """Return a function of (first, count) that makes points start + first, ..., for count >= ROWS."""
         return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
 
     def __len__(self) -> int:
@@ -215,7 +215,7 @@ class Sequence(abc.ABC):
         return True
 
     def __getitem__(self, which: Any) -> Array:
-        """Return the point of an integer, or the points of a slice, of a sequence with a size."""
+        """Return the point at an integer, or the points of a slice, for a sequence with a size."""
         size = self._known_size()
         if not isinstance(which, slice):
             which = checks.integer("index", which, -size, size - 1)
@@ -243,7 +243,7 @@ class Sequence(abc.ABC):
 
 
 _TURN = 4096
-"""Points made together in an iteration."""
+"""Number of points made together in an iteration."""
 
 
 class Derived(Sequence):
@@ -261,7 +261,7 @@ class Derived(Sequence):
 
 
 class PointByPoint(Derived):
-    """A sequence with point i as a function of point i of another sequence."""
+    """A sequence whose point i is a function of point i of another sequence."""
 
     @property
     def limit_64(self) -> int:
@@ -282,7 +282,7 @@ def _points(sequence: Sequence, start: Array, n: int, dtype: DTypeLike) -> Array
 
 
 class DigitSequence(Sequence):
-    """A sequence with finitely many digits per coordinate, in one base for each."""
+    """A sequence with finitely many digits per coordinate, each coordinate in its own base."""
 
     bases: tuple[int, ...]
 
@@ -294,14 +294,14 @@ class DigitSequence(Sequence):
     def spans(self, index: Array, dims: np.ndarray | Array) -> list[Array]:
         """Return the digits of coordinates for scramblers: span by span, first digits first.
 
-        One number for each of the ``digit_spans`` of the base; its lowest digit is the first one after the
-        radix point. ``dims``: broadcastable to ``index``: one coordinate, or several with equally many
-        ``digit_spans`` of one digit each. Traced only if all bases are the same.
+        There is one number for each of the ``digit_spans`` of the base; its lowest digit comes first after
+        the radix point. ``dims``: broadcastable to ``index``; one coordinate, or several with equally many
+        ``digit_spans`` of one digit each. It may be traced only if all bases are equal.
         """
 
 
 def with_digits(name: str, value: Any) -> DigitSequence:
-    """Return a sequence with access to digits unchanged, or raise a TypeError."""
+    """Return a sequence that gives access to its digits unchanged, or raise a TypeError."""
     if not isinstance(value, DigitSequence):
         raise TypeError(
             f"{name} must be a sequence with digits, either in base 2 (one that has .bits) "

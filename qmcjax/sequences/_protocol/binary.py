@@ -24,8 +24,8 @@ class Fraction:
     """Fractions as words, their first digit in bit 31, or bit-reversed, their first digit in bit 0.
 
     Generators and scramblings work on different forms, and XLA does not cancel two reversals. So a fraction
-    is a function for each form, and reverses only if one is missing. Nothing is cached: a form made within a
-    loop belongs to that loop.
+    stores a function for each form, and reverses only if one is missing. Nothing is cached, since a form
+    computed within a loop is only valid there.
     """
 
     def __init__(
@@ -41,14 +41,14 @@ class Fraction:
         )
 
     def mapped(self, word: Map | None = None, bit_reversed: Map | None = None) -> "Fraction":
-        """Return the fraction after a map of its words, of its bit-reversed words, or of either."""
+        """Apply a map to the words, or to the bit-reversed words, or to either."""
         return Fraction(
             word and (lambda: word(self.word())), bit_reversed and (lambda: bit_reversed(self.bit_reversed()))
         )
 
     @classmethod
     def of(cls, forms: tuple[Array, Array]) -> "Fraction":
-        """Return the fraction with both forms known."""
+        """Return the fraction given both forms."""
         return cls(lambda: forms[0], lambda: forms[1])
 
     @property
@@ -59,7 +59,7 @@ class Fraction:
 
 @frozen_pytree
 class Blocks:
-    """Blocks of a linear sequence: a point is the xor of that of its low digits and its block's first."""
+    """Blocks of a linear sequence: a point is its block's first point xor the point of its low digits."""
 
     low: tuple[Array, Array]
     """uint32 (rows, dims), in both forms: the points of the low digits."""
@@ -81,7 +81,7 @@ class Blocks:
 
 
 _BLOCKS_FROM = 4096
-"""Number of points from which tables of blocks pay off."""
+"""Number of points above which tables of blocks pay off."""
 
 _LANES = 16
 """Words of a vector register."""
@@ -102,7 +102,7 @@ class BinarySequence(Sequence):
         return reverse(self.bit_reversed(index, dim))
 
     def words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        """Return some coordinates as 32-bit fractions, shape ``index.shape + (len(dims),)``."""
+        """Return the given coordinates as 32-bit fractions, shape ``index.shape + (len(dims),)``."""
         return self.fractions(index, dims).word()
 
     def fraction(self, index: Array, dim: int) -> Fraction:
@@ -110,7 +110,7 @@ class BinarySequence(Sequence):
         return Fraction(partial(self.word, index, dim), partial(self.bit_reversed, index, dim))
 
     def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return some coordinates, stacked last, lazily in either form."""
+        """Return the given coordinates, stacked last, lazily in either form."""
 
         def stacked(one: Callable[[Array, int], Array]) -> Array:
             return jnp.stack([one(index, j) for j in dims], axis=-1)
@@ -118,7 +118,7 @@ class BinarySequence(Sequence):
         return Fraction(partial(stacked, self.word), partial(stacked, self.bit_reversed))
 
     def table_words(self, index: Array) -> Array:
-        """Return all coordinates of few points as 32-bit fractions, by a program that is soon compiled."""
+        """Return all coordinates of few points as 32-bit fractions, with short compile time."""
         return self.words(index, tuple(range(self.dims)))
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
@@ -130,7 +130,7 @@ class BinarySequence(Sequence):
         return jnp.stack([to_unit(self.fraction(index, j).word(), dtype) for j in dims], axis=-1)
 
     def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
-        """Return one coordinate plus an offset modulo 1: a sum of words that wraps."""
+        """Return one coordinate plus an offset modulo 1, by wrapping addition of words."""
         return to_unit(self.word(index, dim) + offset, dtype)
 
     def fixed_point(self, index: Array, dim: int) -> Array:
@@ -138,7 +138,7 @@ class BinarySequence(Sequence):
 
     @property
     def linear(self) -> "BinarySequence | None":
-        """The sequence below all scramblings, if its digits are linear in those of the index.
+        """The sequence below all scramblings, if its digits are linear in the digits of the index.
 
         Then its point ``i ^ j`` is the xor of points i and j, and :meth:`of_linear` applies the scramblings.
         """
@@ -150,7 +150,7 @@ class BinarySequence(Sequence):
         Parameters
         ----------
         fraction : Fraction
-            One coordinate, or some that are stacked last.
+            One coordinate, or several stacked last.
         dims : int or tuple of int
             The numbers of these coordinates.
         """
@@ -172,7 +172,7 @@ class BinarySequence(Sequence):
         return jnp.stack([to_unit(point, dtype) for point in points], axis=-1)
 
     def _linear_of_blocks(self, count: int, dims: tuple[int, ...]) -> "BinarySequence | None":
-        # Two components of a (0,2)-sequence cost less than the memory traffic of their first points.
+        # Two components of a (0,2)-sequence cost less than reading their first points from memory.
         return None if len(dims) <= 2 or count & (count - 1) else self.linear
 
     def blocks(self, start: Array, count: int, rows: int) -> Blocks | None:
@@ -192,7 +192,7 @@ class BinarySequence(Sequence):
         return None if self.linear is None else _blocks(self.linear, start, count, rows)
 
     def points_of_blocks(self, blocks: Blocks, dtype: DTypeLike) -> Array:
-        """Return all points of some blocks, shape (points, dims), bit-identical with ``points``."""
+        """Return all points of the given blocks, shape (points, dims), bit-identical to ``points``."""
         # Points side by side, until their coordinates fill a vector register.
         beside = 1
         while beside * self.dims < _LANES:
@@ -232,19 +232,19 @@ class BinarySequence(Sequence):
         ----------
         index : integer ArrayLike, shape (...)
         dims : tuple of int, optional
-            The wanted coordinates, static. All by default.
+            The coordinates to compute, static. All by default.
 
         Returns
         -------
         uint32 Array, shape (..., len(dims))
-            Bit 31 is the first digit: the coordinate is ``bits / 2**32``.
+            Bit 31 is the first digit: a coordinate is ``bits / 2**32``.
         """
         wanted = checks.dimensions(dims, self.dims)
         return self.words(checks.unsigned("index", index, self.limit), wanted)
 
 
 class WordFirst(BinarySequence):
-    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``, as its sums carry."""
+    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``: its sums carry."""
 
     @abc.abstractmethod
     def word(self, index: Array, dim: int) -> Array:
@@ -268,7 +268,7 @@ class FractionFirst(BinarySequence):
         return self.fraction(index, dim).word()
 
 
-# A separate program for the tables: XLA would fuse them into their use and recompute them for every point.
+# The tables are a separate program: XLA would fuse them into their use and recompute them for every point.
 @partial(jax.jit, static_argnames=("count", "rows"))
 def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Blocks:
     low = jax.lax.iota(jnp.uint32, rows)

@@ -1,4 +1,4 @@
-"""Text files of integers, as files of generator matrices and vectors are, and their headings."""
+"""Text files of integers, such as generator matrices and vectors, and their headings."""
 
 from os import PathLike
 from pathlib import Path
@@ -20,7 +20,7 @@ _LATNET = {
     "parameters m_": "sobol",
     "initial direction numbers": "sobol",
 }
-"""How LatNet Builder begins headings of the same."""
+"""How LatNet Builder begins the same headings."""
 
 
 class IntegerLine(NamedTuple):
@@ -34,14 +34,14 @@ class IntegerLine(NamedTuple):
 
 
 class Heading(NamedTuple):
-    """The comment before the integers that says what they are."""
+    """The comment before the integers that names their format."""
 
     number: int
     """Of its line."""
     text: str
     """In lower case, with single blanks."""
     kind: str
-    """A keyword of LDData; empty if there is no such comment, "other" if LatNet Builder's is not known."""
+    """A keyword of LDData; empty without such a comment, "other" if that of LatNet Builder is unknown."""
     latnet: bool
 
 
@@ -52,10 +52,10 @@ class IntegerFile(NamedTuple):
     heading: Heading
     lines: list[IntegerLine]
     comments: list[tuple[int, str]]
-    """Numbers of lines, and what is there in lower case, with single blanks."""
+    """Numbers of lines, and their text in lower case, with single blanks."""
 
     def header(self, count: int, what: str) -> list[int]:
-        """Take the first lines, which hold one integer each; ``what`` names them."""
+        """Return the integers of the first lines, one in each; ``what`` names them."""
         for place in range(count):
             line = self.line(place, what)
             if len(line.values) != 1:
@@ -77,7 +77,7 @@ def wrong(path: Path, number: int, rule: str, got: Any) -> ValueError:
 
 
 def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False) -> IntegerFile:
-    """Read a file; anything but integers outside of comments is an error, but names first if ``named``."""
+    """Read a file. Outside of comments it must contain only integers, after a line of names if ``named``."""
     path = checks.path(path)
     max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
     try:

@@ -26,10 +26,10 @@ ROWS = 256
 def materialize(make: Callable[[int, int], Array], n: int, dims: int, dtype: np.dtype) -> Array:
     """Return rows 0 to n - 1 of ``make(first, count)``.
 
-    The first touch of a new 4 KiB page costs more than the arithmetic of most sequences. NumPy requests large
-    pages from the kernel, XLA does not unless the environment does
-    (``GLIBC_TUNABLES=glibc.malloc.hugetlb=1``). So large results on the CPU are made in chunks that stay in
-    its cache, and copied into a NumPy array that JAX uses without a copy.
+    The first access to a new 4 KiB page costs more than the arithmetic of most sequences. NumPy requests
+    large pages from the kernel; XLA does so only with ``GLIBC_TUNABLES=glibc.malloc.hugetlb=1``. So large
+    results on the CPU are made in chunks that stay in its cache, and copied into a NumPy array that JAX uses
+    without a copy.
     """
     row = dims * np.dtype(dtype).itemsize
     count = max(_CHUNK // row // ROWS, 1) * ROWS

@@ -1,4 +1,4 @@
-"""Points of others as sequences: objects with the protocol, plain functions, and tables."""
+"""User-defined sequences: objects that implement the protocol, plain functions, and tables."""
 
 import inspect
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class PlugIn(Sequence):
     wrapped: Any
     """The object, from :func:`plug_ins.wrap`."""
     selects: bool = field(metadata={"static": True})
-    """Whether the call takes dimensions and a dtype, otherwise it returns all coordinates."""
+    """Whether the call takes dimensions and a dtype; otherwise it returns all coordinates."""
     count: int | None = field(default=None, metadata={"static": True})
     """Number of dimensions of a function."""
 
@@ -72,22 +72,23 @@ def _validate_points(points: Any, index: Array, dims: int, dtype: DTypeLike | No
 
 
 def as_sequence(name: str, value: Any) -> Sequence:
-    """Return an object with the protocol of a sequence as a :class:`Sequence`; one of this package unchanged.
+    """Return an object that implements the sequence protocol as a :class:`Sequence`.
 
     Parameters
     ----------
     name : str, name of the argument, for messages
     value : object
-        A sequence, or any object that has
+        A sequence, which is returned unchanged, or any object that has
 
         - ``dims``, the number of dimensions,
-        - a call ``(index, dims, dtype)``, from a uint32 array of any shape, a tuple of the wanted dimensions
-          and float32 or float64 to points of this dtype, shape ``index.shape + (len(dims),)``; or ``(index)``
-          that returns all coordinates in any floating dtype,
+        - a call ``(index, dims, dtype)``, with a uint32 array of any shape, a tuple of dimensions, and
+        float32
+          or float64, that returns points of this dtype, shape ``index.shape + (len(dims),)``; or a call
+          ``(index)`` that returns all coordinates in any floating dtype,
         - optionally ``size``, the number of points.
 
-        It needs no decorator: programs are compiled for this object. An object with arrays as attributes must
-        be a pytree (see :func:`qmcjax.pytree`); the arrays are arguments of the program.
+        It needs no decorator: JAX compiles programs for each such object. If it has arrays as attributes,
+        make it a pytree (see :func:`qmcjax.pytree`): then the arrays are arguments of the program.
 
     Examples
     --------
@@ -112,7 +113,7 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
 
 def _takes(value: Any) -> str | None:
-    """Return "index" or "dims" for a call with index, or also with dims and dtype; None for anything else."""
+    """Return "index" for a call with index, "dims" if also with dims and dtype, None for anything else."""
     parameters = plug_ins.parameters(value)
     selects = {"dims", "dtype"} <= {p.name for p in parameters}
     needed = [
@@ -137,7 +138,7 @@ def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
     Parameters
     ----------
     f : callable
-        From a uint32 array of any shape to points, floating, of that shape + (dims,), in [0, 1). The same
+        From a uint32 array of any shape to floating points in [0, 1), of that shape + (dims,). The same
         function compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are parameters:
         new values do not recompile.
     dims : int, in [1, 65536]
@@ -184,7 +185,7 @@ def tabulated_words(points: NDArray[np.float64]) -> Tabulated:
 
 
 def tabulated(points: ArrayLike) -> Tabulated:
-    """Make a sequence from any points: from another program, a file, or an engine of ``scipy.stats.qmc``.
+    """Make a sequence from any points, such as those of a file or of an engine of ``scipy.stats.qmc``.
 
     It works like any sequence in base 2: in samplers, and in ``owen``, ``digital_shift`` and ``rotate``.
 

@@ -1,1 +1,1 @@
-"""Randomisations: a sequence in, a sequence out."""
+"""Randomisations: functions from a sequence to a sequence."""

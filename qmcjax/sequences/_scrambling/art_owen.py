@@ -1,4 +1,4 @@
-"""Owen scrambling by a grammar of symbols with random words: looked up, and easily inverted."""
+"""Owen scrambling by a grammar of symbols with random words, by invertible lookups."""
 
 from functools import cache, partial
 from typing import Any
@@ -23,7 +23,7 @@ _SYMBOLS = 64
 
 @frozen_pytree
 class Codes:
-    """The scramblings of all coordinates, in tables over 64 symbols times all numbers of some digits."""
+    """The scramblings of all coordinates, in tables over 64 symbols and all values of a few digits."""
 
     flips: Array
     """uint32 (dims * entries,): flips of all following digits by the nodes on the path of the next ones."""
@@ -39,11 +39,11 @@ class Codes:
 
     @property
     def digits(self) -> int:
-        """Number of digits of one look-up."""
+        """Number of digits per lookup."""
         return (self.entries // _SYMBOLS).bit_length() - 1
 
     def scrambled(self, word: Array, dim: Array | int) -> Array:
-        """Scramble words of some coordinates."""
+        """Scramble words of the given coordinates."""
         return self._mapped(word, dim, backwards=False)
 
     def unscrambled(self, word: Array, dim: Array | int) -> Array:
@@ -57,7 +57,7 @@ class Codes:
         for _ in range(32 // self.digits):
             digits, node = word >> first, symbol << self.digits
             if backwards:
-                # The flips of the symbols on the path follow; those of this path are known.
+                # The flips of the symbols on this path are known; those below follow.
                 moved = digits ^ (flips >> first)
                 digits = self.origins.at[start + (node | moved)].get(mode="promise_in_bounds")
                 digits = digits.astype(jnp.uint32)
@@ -97,17 +97,17 @@ class Unscrambled(Moved):
         return self.codes.scrambled(self.net.word(index, dim), dim)
 
     def before(self, place: Array, dim: int, log_side: int) -> Array:
-        # In two steps, since a shift by 32 is not defined.
+        # Two shifts, because a shift by 32 is undefined.
         word = place << (31 - log_side) << 1
         return self.codes.unscrambled(word, dim) >> 1 >> (31 - log_side)
 
 
 def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
-    """Owen-scramble a sequence in base 2 by look-ups that can be inverted, from cells to points.
+    """Owen-scramble a sequence in base 2 by invertible lookups, which find points from their cells.
 
     Each node of the tree of digits has one of 64 symbols, and each symbol a random word of 32 bits. Digit k
     is flipped by the sum of one bit of each word on the path to its node: the first bit of the node's word,
-    the second of its parent's, and so on. Equal symbols of a level are at least 24 nodes apart.
+    the second of its parent's, and so on. Equal symbols on a level are at least 24 nodes apart.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
     -------
     ArtOwen
         Invertible if the sequence is: :func:`inverted` finds the index of the point in a cell, and
-        :func:`qmcjax.samplers.full_screen` takes it in any dimension.
+        :func:`qmcjax.samplers.full_screen` accepts it in any dimension.
 
     Notes
     -----
@@ -126,8 +126,8 @@ def art_owen(sequence: BinarySequence, key: Array | int) -> ArtOwen:
     same. The flip of digit k of one point contains bit k of the word of the root, and no later bit. If the
     points part at digit j, the difference of their flips of a digit k > j contains bit k - j - 1 of the words
     of two different symbols, and no later bit. So in a sum of such flips, one of the latest bits remains: no
-    sum vanishes, and all these flips are independent. Flips of many points are not independent: 2**11 random
-    bits per coordinate determine them all.
+    sum vanishes, and these flips are independent. The flips of many points are not: 2**11 random bits per
+    coordinate determine all of them.
 
     The rule for children, the words of 32 bits and the tables of several digits are our own.
 
@@ -170,7 +170,7 @@ def _codes(words: Array, digits: int) -> Codes:
 def _symbols_on_the_way(digits: int) -> list[NDArray[np.uint32]]:
     """Return the symbols of the nodes before each digit, and after the last, for all entries.
 
-    Of uint32, as JAX takes one array of int64 either within ``jax.enable_x64`` or outside, not both.
+    They are uint32: JAX accepts the same int64 array only either inside or outside ``jax.enable_x64``.
     """
     entry = np.arange(_SYMBOLS << digits, dtype=np.uint32)
     children: NDArray[np.uint32] = number_theory.word_children().astype(np.uint32)

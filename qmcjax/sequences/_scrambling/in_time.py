@@ -15,10 +15,10 @@ from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, Fraction
 from qmcjax.sequences._scrambling.selections import BinaryComponents
 
 _FIRST = (2, 0, 1)
-"""The coordinates of Sobol's sequence for the first numbers of frames, then 3, 4, ...
+"""The coordinates of the Sobol' sequence for the first numbers of frames, then 3, 4, ...
 
-With their own coordinates, 0 and 1, pixels and frames of a pair of coordinates are less uniform together: the
-error after a Gaussian in space and an average in time is up to 1.13 times as large.
+With coordinates 0 and 1, pixels and frames of a pair of coordinates are jointly less uniform: the error after
+a Gaussian filter in space and an average in time is up to 1.13 times as large.
 """
 
 
@@ -27,7 +27,7 @@ class InTime(PointByPoint, FractionFirst):
     """Point i of frame t is point i of a digital sequence xor a word of t, both before all scramblings.
 
     The word is the lower triangular matrix of binomial coefficients modulo 2 times point t. The minors of
-    its first j columns are 1 in any j consecutive rows: so digits of i and of t never compete for an
+    its first j columns are 1 in any j consecutive rows. So the digits of i and of t never compete for an
     interval, however many of each vary.
     """
 
@@ -42,7 +42,7 @@ class InTime(PointByPoint, FractionFirst):
     called = "in_time"
 
     def at_frame(self, frame: Array | int) -> "InTime":
-        """Return the sequence of another frame; its program is the same.
+        """Return the sequence of another frame, without recompilation.
 
         Parameters
         ----------
@@ -80,34 +80,34 @@ class InTime(PointByPoint, FractionFirst):
 
 
 def in_time(sequence: BinarySequence) -> InTime:
-    """Move a digital sequence from frame to frame, so that pixels and frames are stratified together.
+    """Move a digital sequence from frame to frame, to stratify pixels and frames jointly.
 
     ``in_time(sequence).at_frame(t)`` is the sequence of frame t; frame 0 is the sequence itself. Samplers
-    made of it, as by :func:`qmcjax.samplers.contiguous`, have ``at_frame``, too.
+    made from it, as by :func:`qmcjax.samplers.contiguous`, have ``at_frame``, too.
 
     Parameters
     ----------
     sequence : BinarySequence
-        Digital, as :func:`sobol`, or scramblings of one: it moves below the scramblings.
+        Digital, as :func:`sobol`, or a scrambled digital sequence: the motion is applied before scrambling.
 
     Returns
     -------
     InTime
-        It has ``2**32`` frames, no two of them equal.
+        It has ``2**32`` different frames.
 
     Notes
     -----
     Take the points of an aligned block of ``2**m`` indices in an aligned block of ``2**j`` frames. If the
-    generator matrices are upper triangular and regular, as Sobol's are, **each coordinate has exactly one of
-    these points in each of 2**(m + j) equal intervals**, for all m and j with m + j up to 32. In a single
-    frame all nets of the sequence remain. At one index, ``2**j`` frames have a net of Sobol's: in the first
-    two coordinates a (1, j, 2)-net. Nested scramblings keep all of this. Where both indices and frames vary,
-    there is no such guarantee for pairs of coordinates.
+    generator matrices are upper triangular and regular, like those of Sobol', **each coordinate has exactly
+    one of these points in each of 2**(m + j) equal intervals**, for all m and j with m + j up to 32. A single
+    frame keeps all nets of the sequence. At one index, ``2**j`` frames form a net of the Sobol' sequence: in
+    the first two coordinates a (1, j, 2)-net. Nested scramblings preserve these properties. If both indices
+    and frames vary, there is no such guarantee for pairs of coordinates.
 
-    The word that is added to all points of a frame is point t of Sobol's sequence with its coordinates in
-    another order, multiplied by the lower triangular matrix of binomial coefficients modulo 2. This is our
-    own idea. Rotation by multiples of the golden ratio serves the same purpose in many renderers, but breaks
-    nets and has no such guarantee.
+    The word xored to all points of a frame is point t of the Sobol' sequence with its coordinates in another
+    order, multiplied by the lower triangular matrix of binomial coefficients modulo 2. This method is our
+    own. Many renderers rotate by multiples of the golden ratio for the same purpose, but this breaks nets and
+    has no such guarantee.
 
     Examples
     --------

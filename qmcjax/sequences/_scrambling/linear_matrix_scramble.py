@@ -17,7 +17,7 @@ from qmcjax.sequences._scrambling.shifts import DigitalShift, digital_shift
 
 @frozen_pytree
 class Linear(Scrambled):
-    """A sequence with digits multiplied by one matrix per coordinate."""
+    """A sequence whose digits are multiplied by one matrix per coordinate."""
 
     columns: Array
     """uint32 (dims, 32): column k of L_j, its first row in bit 0; lower unit-triangular."""
@@ -29,7 +29,7 @@ class Linear(Scrambled):
 
     @property
     def linear(self) -> BinarySequence | None:
-        """The sequence itself, if the one below is linear."""
+        """The sequence itself, if the underlying one is linear."""
         linear = self.sequence.linear
         return self if linear is self.sequence else linear
 
@@ -62,10 +62,10 @@ def _triangular(key: Array, dims: int) -> Array:
 def linear_matrix_scramble(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     """Scramble a sequence in base 2 linearly: random lower triangular matrices and a digital shift.
 
-    Digit ``k`` is flipped by a random linear function of the digits before it and a random bit: a nested
-    permutation, so every (t,m,s)-net stays one. Each point is uniform on the unit cube, the coordinates are
-    scrambled independently, and means of square integrable functions have the same variance as with Owen
-    scrambling, with much fewer random numbers.
+    Digit ``k`` is flipped by a random linear function of the digits before it and a random bit. This is a
+    nested permutation, so every (t,m,s)-net remains a (t,m,s)-net. Each point is uniform in the unit cube,
+    the coordinates are scrambled independently, and means of square integrable functions have the same
+    variance as with Owen scrambling, with far fewer random numbers.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Owen scrambling by hashing: of words in base 2, of spans of digits in base b."""
+"""Owen scrambling by hashing: words in base 2, spans of digits in base b."""
 
 from functools import cache, partial
 
@@ -22,15 +22,15 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, o
 class OwenDigits(ScrambledDigits):
     """A sequence with a nested random permutation of each coordinate.
 
-    Digits are grouped to digits in base B, the largest power of b with a small table, with the first digit
-    lowest. A hash of the digits before is added modulo B to each: carries run to later digits only. Then it
-    is looked up in a table drawn by nested uniform scrambling, one per coordinate. So for any two points, the
-    numbers looked up after their common digits are independent and uniform, and the digits where they part
-    go through one uniform permutation.
+    Digits are grouped into digits in base B, the largest power of b with a small table, with the first digit
+    lowest. A hash of the preceding digits is added modulo B to each, with carries only to later digits. Then
+    it is looked up in a table drawn by nested uniform scrambling, one per coordinate. So for any two points,
+    the lookups after their common digits are independent and uniform, and the digits where they part are
+    mapped by one uniform permutation.
     """
 
     tables: Array
-    """uint16: the tables of all coordinates, one after the other."""
+    """uint16: the concatenated tables of all coordinates."""
     seeds: Array
     """uint32 (dims, spans + 1): one seed for each digit in base B, and one for the digits after the last."""
 
@@ -56,7 +56,7 @@ class OwenDigits(ScrambledDigits):
         leading = jnp.zeros_like(prefix)
         for number in scrambled[:-1]:
             leading = leading * word(size) + number
-        # All digits as one number may exceed a word.
+        # All digits as one number may not fit a word.
         tail = hash_pair(node, numbers[-1] ^ seeds[..., len(numbers)])
         return cell_fraction(leading, scrambled[-1], tail, base, dtype, width, width * len(numbers))
 
@@ -110,10 +110,10 @@ class Owen(Scrambled):
 
 
 def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | OwenDigits:
-    """Owen-scramble a sequence by a hash with the nested structure.
+    """Owen-scramble a sequence by nested hashing.
 
-    Every (t,m,s)-net stays one, and so does the stratification of the Halton sequence. Each point is uniform
-    on the unit cube, and the coordinates are scrambled independently.
+    Every (t,m,s)-net remains a (t,m,s)-net, and the stratification of the Halton sequence is preserved. Each
+    point is uniform in the unit cube, and the coordinates are scrambled independently.
 
     Parameters
     ----------
@@ -125,25 +125,25 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     -------
     Owen or OwenDigits
         The first in base 2, with exact ``bits``. In other bases the zeros after the digits of an index are
-        scrambled as well, down to the resolution of float64. Values of float64 are rounded to nearest and lie
-        in the elementary intervals of the scrambled digits. Values of float32 are these, rounded down, except
-        where that would leave an interval of length b**-k > 2**-24.
+        scrambled as well, down to the resolution of float64. Values in float64 are rounded to nearest and lie
+        in the elementary intervals of the scrambled digits. Values in float32 are these, rounded down, unless
+        that leaves an interval of length b**-k > 2**-24.
 
     Notes
     -----
     In base 2, the hash is nearly, but not exactly, uniform over all nested permutations. Tests over many
-    keys, which common hashes of this kind fail, find no bias of a digit's flip, no empty interval, no
-    dependence between the flips at any two or three nodes, nor between two points after the digit where they
-    part, and all permutations of any four consecutive digits. Parities of many flips are not uniform: of four
-    digits after the first, the parity of all twelve flips of the last two is even with probability 0.44 or
-    0.56 instead of 0.5, and other parities deviate less. A seed has 32 bits: only few permutations of five or
-    more digits occur. Where that matters, use :func:`owen_exact`.
+    keys, which common hashes of this kind fail, find no bias in the flip of a digit, no empty interval, and
+    no dependence between the flips at any two or three nodes, or between two points after the digit where
+    they part. All permutations of any four consecutive digits occur. Parities of many flips are not uniform:
+    of four digits after the first, the parity of all twelve flips of the last two is even with probability
+    0.44 or 0.56 instead of 0.5; other parities deviate less. A seed has 32 bits, so only few permutations of
+    five or more digits occur. If this matters, use :func:`owen_exact`.
 
     In base b, any two points are distributed as after nested uniform scrambling, up to the quality of a
     32-bit hash, so variances of means are the same [3]_. Three or more points are not: the permutations at
-    all nodes of a coordinate come from one random table of nested permutations of several digits, by shifts
-    of its argument. Where that matters, use :func:`owen_exact`. This is not a linear scrambling, where
-    factors depend only on the place of a digit; the base may be composite.
+    all nodes of a coordinate come from one random table of nested permutations of several digits, with
+    shifted arguments. If this matters, use :func:`owen_exact`. In contrast to linear scrambling, factors do
+    not depend only on the place of a digit, and the base may be composite.
 
     References
     ----------

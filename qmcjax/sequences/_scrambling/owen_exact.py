@@ -16,7 +16,7 @@ from qmcjax.sequences._protocol.binary import BinarySequence, Fraction
 from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, of_dims
 
 _DRAWN = 2**13
-"""Most outcomes of swaps drawn together from 32 random bits."""
+"""Most outcomes of swaps that are drawn together from 32 random bits."""
 
 
 @frozen_pytree
@@ -46,14 +46,14 @@ class OwenExactDigits(ScrambledDigits):
         leading = jax.lax.fori_loop(np.uint32(0), np.uint32(count - 1), scramble, tuple(start))[2]
         node = node_of(first, seeds)
         scrambled = permute(last, node, jnp.uint32(count - 1), base, seeds)
-        # After the last digit all are 0: their images belong to the child of this node, and to no other
+        # All digits after the last are 0: their images belong to the child of this node, and to no other
         # point.
         tail = random_word_of(node, jnp.uint32(count), last, seeds)
         return cell_fraction(leading, scrambled, tail, base, dtype)
 
 
 def _without_last(numbers: list[Array], base: Base) -> tuple[Array, Array]:
-    """Join all digits but the last to one number, the first one lowest; all digits would exceed a word."""
+    """Join all digits but the last into one number, the first digit lowest; all digits may not fit a word."""
     *spans, span = digit_spans(base)
     last = quotient(numbers[-1], base ** (span - 1))
     first = numbers[-1] - last * word(base ** (span - 1))
@@ -67,16 +67,16 @@ def node_of(prefix: Array, seeds: Array) -> Array:
 
 
 def random_word_of(node: Array, depth: Array, which: Array, seeds: Array) -> Array:
-    """Return one of 2**16 random words of a node: prefixes that differ in trailing zeros differ in depth.
+    """Return one of 2**16 random words of a node; prefixes that differ in trailing zeros differ in depth.
 
-    Two keyed rounds with feed-forward, so words may coincide.
+    It uses two keyed rounds with feed-forward, so words may coincide.
     """
     number = (depth << 16) + which
     return hash_word(node + hash_word(number ^ seeds[..., 1])) ^ node
 
 
 def swaps_of_a_word(top: int) -> int:
-    """Return how many swaps of a permutation of ``top`` digits one random word draws."""
+    """Return the number of swaps, in a permutation of ``top`` digits, drawn from one random word."""
     together = 1
     while together < top - 1 and np.prod(top - np.arange(together + 1)) <= _DRAWN:
         together += 1
@@ -92,7 +92,7 @@ def permute(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -
     def swap(which: Array, position: Array) -> Array:
         random = random_word_of(node, depth, which, seeds)
         for k in range(together):
-            # In a group with larger bases, the rest are swaps of 0 with itself.
+            # In a group with larger bases, the remaining swaps exchange 0 with itself.
             size = above - jnp.minimum(which * np.uint32(together) + np.uint32(k), above) + np.uint32(1)
             size = jnp.broadcast_to(size, random.shape)
             highest, other = size - np.uint32(1), high_product(random, size)
@@ -120,13 +120,12 @@ class OwenExact(Scrambled):
 def _scramble(reversed_bits: Array, seeds: Array) -> Array:
     """Flip digit k by bit k of a random word for the k digits before it.
 
-    In the traversal of the tree [1]_, a new path takes a fresh random word for all nodes down to its end:
-    those with digits 0 after the branch. So the word of a node is a function of its digits as a number,
-    without trailing zeros, and its random bit is the bit at its depth: a word has different bits at different
-    depths, and no two nodes share a bit.
+    In the traversal of the tree [1]_, a new path takes a new random word for all nodes down to its end, which
+    have digits 0 after the branch. So the word of a node is a function of its digits as a number, without
+    trailing zeros, and its random bit is the bit at its depth: no two nodes share a bit.
     """
 
-    # Not unrolled: beyond two coordinates the compiler would recompute the hashes.
+    # Not unrolled: the compiler would recompute the hashes for more than two coordinates.
     def flip(k: Array, scrambled: Array) -> Array:
         unit = jnp.uint32(1) << k
         return scrambled ^ (random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
@@ -142,12 +141,12 @@ def random_word(value: Array, seeds: Array) -> Array:
 
 
 def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> OwenExact | OwenExactDigits:
-    """Owen-scramble a sequence with a separate permutation for the digits after every prefix.
+    """Owen-scramble a sequence with a separate permutation of the digits after every prefix.
 
     This is nested uniform scrambling, the reference for :func:`owen`: the permutations of any two nodes of
-    the tree are drawn independently, at random access and for all digits. In base 2 it costs 32 hashes per
+    the tree are drawn independently, with random access and for all digits. In base 2 it costs 32 hashes per
     coordinate, compared with three products for :func:`owen`; in base b, from two hashes per digit in the
-    smallest bases to b in the large ones.
+    smallest bases to b in large ones.
 
     Parameters
     ----------
@@ -163,9 +162,9 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
 
     Notes
     -----
-    In base b, the permutations are Fisher-Yates shuffles, from hashed words of 32 bits. Each word serves one
-    swap, or several with at most 2**13 outcomes together: the probability of each outcome is off by a factor
-    within 1 +- 2**-19 in bases up to 2**13, and 1 +- 2**-16 up to 2**16. Detecting the first at 5 sigma needs
+    In base b, the permutations are Fisher-Yates shuffles driven by hashed 32-bit words. Each word draws one
+    swap, or several with at most 2**13 joint outcomes: the probability of each outcome is off by a factor
+    within 1 +- 2**-19 in bases up to 2**13, and 1 +- 2**-16 up to 2**16. To detect the first at 5 sigma takes
     more than 2**42 draws of each outcome.
 
     References

@@ -16,13 +16,13 @@ from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, Fraction
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Scrambled(PointByPoint, FractionFirst):
-    """A sequence in base 2 with coordinates mapped one by one: subclasses implement :meth:`mapped`."""
+    """A sequence in base 2 whose coordinates are mapped one by one; subclasses implement :meth:`mapped`."""
 
     sequence: BinarySequence
 
     @abc.abstractmethod
     def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        """Scramble one coordinate, or some that are stacked last."""
+        """Scramble one coordinate, or several stacked last."""
 
     def fraction(self, index: Array, dim: int) -> Fraction:
         return self.mapped(self.sequence.fraction(index, dim), dim)
@@ -41,7 +41,7 @@ class Scrambled(PointByPoint, FractionFirst):
 
 
 def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) -> Array:
-    """Return the rows of parameters of one coordinate, or of some that are stacked last.
+    """Return the rows of parameters for one coordinate, or for several stacked last.
 
     They have the rank of ``coordinates``, followed by their own axes.
     """
@@ -58,7 +58,7 @@ def of_dims(parameters: Array, dims: int | tuple[int, ...], coordinates: Array) 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ScrambledDigits(Derived):
-    """A sequence with coordinates mapped one by one, digit after digit."""
+    """A sequence whose coordinates are mapped one by one, digit by digit."""
 
     sequence: DigitSequence
 
@@ -75,7 +75,7 @@ class ScrambledDigits(Derived):
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         bases = self.sequence.bases
         if len(dims) > 1 and len(set(bases)) == 1:
-            # A loop: one program for all coordinates would recompute shared values.
+            # A loop, since one program for all coordinates would recompute shared values.
             wanted = jnp.asarray(np.array(dims, np.uint32))
             return jnp.moveaxis(jax.lax.map(lambda dim: self._scrambled(index, dim, dtype), wanted), 0, -1)
         if len(dims) <= FEW:

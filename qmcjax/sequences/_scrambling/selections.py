@@ -1,4 +1,4 @@
-"""Other components, and another order of the points."""
+"""Selections of components, and Gray code order."""
 
 from dataclasses import field
 from typing import Any
@@ -45,7 +45,7 @@ class Selection(PointByPoint):
 
 @frozen_pytree
 class Components(Selection):
-    """Some components of any sequence."""
+    """Selected components of any sequence."""
 
     sequence: Sequence
     selected: tuple[int, ...] = field(metadata={"static": True})
@@ -61,7 +61,7 @@ class Components(Selection):
 
 @frozen_pytree
 class BinaryComponents(Selection, FractionFirst):
-    """Some components of a sequence in base 2, with all bits."""
+    """Selected components of a sequence in base 2, with all bits."""
 
     sequence: BinarySequence
     selected: tuple[int, ...] = field(metadata={"static": True})
@@ -92,7 +92,7 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
     Parameters
     ----------
     dims : tuple of int
-        Different components of ``sequence``: coordinate j is its coordinate ``dims[j]``. Only these are
+        Distinct components of ``sequence``: coordinate j is its coordinate ``dims[j]``. Only these are
         computed.
 
     Returns
@@ -104,7 +104,7 @@ def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | Binary
     References
     ----------
     .. [1] A. Keller, C. Waechter, N. Binder, "Rendering along the Hilbert Curve", 2022, Sect. 3.2 and 4.3
-       (leaves out components that correlate with the curve).
+       (drops components that correlate with the curve).
 
     Examples
     --------
@@ -139,7 +139,7 @@ class Gray(Derived, FractionFirst):
 
     @property
     def linear(self) -> "Gray | None":
-        """The linear sequence below all scramblings in this order: the code is linear itself."""
+        """The linear sequence below all scramblings, in this order: the Gray code is linear, too."""
         linear = self.sequence.linear
         if linear is None:
             return None
@@ -150,10 +150,10 @@ class Gray(Derived, FractionFirst):
 
 
 def gray(sequence: BinarySequence) -> Gray:
-    """Put the points of a sequence in base 2 in Gray code order: one digit of the index changes per step.
+    """Put the points of a sequence in base 2 in Gray code order: one index digit changes per step.
 
-    The first 2**k points stay the same set, and block b of 2**k points becomes block b ^ (b >> 1). This is
-    the order of programs that generate each point from the previous one by a single exclusive or.
+    The first 2**k points are the same set, and block b of 2**k points becomes block b ^ (b >> 1). Programs
+    that generate each point from the previous one by a single exclusive or use this order.
 
     Parameters
     ----------

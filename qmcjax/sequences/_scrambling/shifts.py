@@ -1,4 +1,4 @@
-"""The same map for all points: digital shifts, rotations, and random permutations of digits."""
+"""Maps shared by all points: digital shifts, rotations, and random permutations of digits."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, o
 
 @frozen_pytree
 class DigitalShift(Scrambled):
-    """A sequence with digits flipped by one word per coordinate."""
+    """A sequence whose digits are flipped by one word per coordinate."""
 
     shifts: Array
     """uint32 (dims,): fractions, the flip of the first digit in bit 31."""
@@ -37,15 +37,15 @@ class DigitalShift(Scrambled):
         )
 
     def inverted(self, log_side: int) -> Any:
-        """Return an object that finds points from their cells, which the shift permutes."""
+        """Return an object that finds points from their cells, which the digital shift permutes."""
         return Flipped(self.sequence.inverted(log_side), self.shifts)
 
 
 def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
     """Shift a sequence in base 2 digitally: add a random vector over F2, without carries.
 
-    Every (t,m,s)-net stays one, each point is uniform on the unit cube, and the coordinates are
-    shifted independently; two points keep the exclusive or of their digits.
+    Every (t,m,s)-net remains a (t,m,s)-net, each point is uniform in the unit cube, and the coordinates are
+    shifted independently. The exclusive or of two points does not change.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def digital_shift(sequence: BinarySequence, key: Array | int) -> DigitalShift:
 
 @frozen_pytree
 class RotatedBinary(Scrambled):
-    """A sequence in base 2 plus one fraction per coordinate, modulo 1: sums of integers that wrap."""
+    """A sequence in base 2 plus one fraction per coordinate, modulo 1, in wrapping integer arithmetic."""
 
     offsets: Array
     """uint32 (dims,): fractions."""
@@ -102,22 +102,22 @@ class Rotated(PointByPoint):
 def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rotated:
     """Shift all points of a sequence by one vector on the torus: the Cranley-Patterson rotation.
 
-    Toroidal distances are preserved, elementary intervals are not: where these matter, use
+    This preserves toroidal distances, but not elementary intervals: if those matter, use
     :func:`digital_shift` or :func:`owen`.
 
     Parameters
     ----------
     sequence : Sequence
-        In base 2 the sum is exact. For any other sequence it is computed in float64 and rounded once, but
-        never to 1.
+        In base 2 the sum is exact. For other sequences it is computed in float64 and rounded once, but never
+        to 1.
     offset_or_key : float or uint32 ArrayLike, shape (dims,); or jax.random.key, or int in [0, 2**32)
-        Floats in [0, 1), rounded down to 32-bit fractions; or these fractions. A key draws them at random. A
+        Floats in [0, 1), rounded down to 32-bit fractions, or these fractions. A key draws them at random. A
         new offset or key does not recompile.
 
     Returns
     -------
     RotatedBinary or Rotated
-        The first has exact ``bits``, if ``sequence`` has.
+        The first if ``sequence`` has exact ``bits``; it has them, too.
 
     References
     ----------
@@ -144,7 +144,7 @@ class PermutedDigits(ScrambledDigits):
     """A sequence with one permutation per digit, also of the zeros after the last digit."""
 
     tables: Array
-    """uint16: the reflection tables of all coordinates, one after the other."""
+    """uint16: the concatenated reflection tables of all coordinates."""
     tails: Array
     """uint32 (dims,): the image of the zeros, as a fraction in base 2."""
 
@@ -161,17 +161,17 @@ class PermutedDigits(ScrambledDigits):
 def digit_scramble(
     sequence: BinarySequence | DigitSequence, key: Array | int
 ) -> DigitalShift | PermutedDigits:
-    """Permute the digits of a sequence, by one uniform random permutation per digit and coordinate.
+    """Permute the digits of a sequence by one uniform random permutation per digit and coordinate.
 
-    Elementary intervals are permuted: every (t,m,s)-net stays one, and so does the stratification of the
-    Halton sequence. Each point is uniform on the unit cube, the coordinates are scrambled independently. But
-    the permutations are the same for all points: the difference of two points after their common digits is
-    not random enough for the variances of :func:`owen`.
+    This permutes elementary intervals: every (t,m,s)-net remains a (t,m,s)-net, and the stratification of the
+    Halton sequence is preserved. Each point is uniform in the unit cube, and the coordinates are scrambled
+    independently. But all points share the permutations: the difference of two points after their common
+    digits is not random enough for the variances of :func:`owen`.
 
     Parameters
     ----------
     sequence : sequence in base 2, or Halton, Faure or van der Corput sequence
-        In base 2 the permutations are the identity and the flip: this is the same object as from
+        In base 2 the permutations are the identity and the flip: the result equals that of
         :func:`digital_shift` with the same key.
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
 

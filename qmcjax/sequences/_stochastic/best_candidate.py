@@ -1,4 +1,4 @@
-"""Best candidates, farthest from all earlier points, in scrambled nets in base 2."""
+"""Best-candidate sampling in scrambled nets in base 2: points far from all earlier ones."""
 
 import jax
 import jax.numpy as jnp
@@ -18,7 +18,7 @@ each rectangle of two by one if k is odd: none is farther than sqrt(8) cells fro
 
 
 def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -> Array:
-    """Return the points of a scrambled sequence with the first two coordinates chosen from candidates.
+    """Return the points of a scrambled sequence whose first two coordinates are chosen from candidates.
 
     ``words``: uint32 Array, shape (n, dims): the points drawn without candidates. ``steps``: uint32 Array,
     shape (dims, 32): maps indices to those of earlier points, see ``net_by_net.to_earlier``. ``seeds``:
@@ -37,11 +37,11 @@ def best_candidates(words: Array, steps: Array, seeds: Array, candidates: int) -
 
 
 def _next_net(points: Array, k: Array, steps: Array, seeds: Array) -> Array:
-    """Place the points 2**k, ..., 2**(k + 1) - 1, one after the other.
+    """Place the points 2**k, ..., 2**(k + 1) - 1, one after another.
 
     The cells of the raster have half the side of the squares of area 2**-k, or of the short sides of the
-    rectangles if k is odd: at most one point each until there are 2**(k + 1). It holds numbers of points, 0
-    for empty cells.
+    rectangles if k is odd. They contain at most one point each until there are 2**(k + 1). The raster stores
+    numbers of points, 0 for empty cells.
     """
     n = points.shape[0]
     log_side = (k >> 1) + np.uint32(1)
@@ -73,7 +73,7 @@ def _next_net(points: Array, k: Array, steps: Array, seeds: Array) -> Array:
         number = raster[cell(x[None, :], y[:, None])].ravel()
         neighbours = points[number - np.uint32(1)]
         squared = sum(
-            # As signed numbers, differences of words are the shortest on the torus.
+            # As signed integers, differences of words are the shortest ones on the torus.
             jnp.square((places[j][:, None] - neighbours[None, :, j]).astype(jnp.int32).astype(jnp.float32))
             for j in range(2)
         )

@@ -12,7 +12,7 @@ from qmcjax.core import checks
 from qmcjax.sequences._protocol.plug_in import Tabulated, tabulated_words
 
 Points = NDArray[np.float64]
-"""Of shape (n, d); and moments of their cells."""
+"""Shape (n, d); also moments of their cells."""
 
 
 def relax(points: Points, iterations: int) -> Points:
@@ -20,7 +20,7 @@ def relax(points: Points, iterations: int) -> Points:
     for _ in range(iterations):
         points = centroids(points)
         points -= np.floor(points)
-        # The remainder of a tiny negative number is exactly 1.
+        # The remainder of a tiny negative number rounds to 1.
         points[points == 1] = 0
     return points
 
@@ -28,8 +28,8 @@ def relax(points: Points, iterations: int) -> Points:
 def centroids(points: Points) -> Points:
     """Return the centroid of each point's Voronoi cell on the torus.
 
-    Copies of the points in a margin around the unit cube are added. The margin must be twice as wide as the
-    largest circumscribed sphere that touches one of the points; it is widened until it is.
+    Copies of the points are added in a margin around the unit cube. The margin must be twice as wide as the
+    radius of the largest circumscribed sphere that touches one of the points; it is widened until it is.
     """
     n, d = points.shape
     margin = 3 * n ** (-1 / d)
@@ -54,9 +54,9 @@ def _with_margin(points: Points, margin: float) -> Points:
 
 
 def _moments(points: Points, n: int) -> tuple[Points, float]:
-    """Return volume and first moments of the cells of the first n points, and the reach of these cells.
+    """Return volumes and first moments of the cells of the first n points, and the reach of these cells.
 
-    A cell is the signed sum of simplices with corners at the circumcentres of nested faces of a Delaunay
+    A cell is a signed sum of simplices with corners at the circumcentres of nested faces of a Delaunay
     simplex: the point itself, the midpoint of an edge, ..., the circumcentre of the simplex. Moments are
     about the point.
     """
@@ -110,10 +110,10 @@ def _generator(key: Array | int) -> np.random.Generator:
 
 
 def poisson_disk(radius: float, key: Array | int) -> Tabulated:
-    """Make random points in the unit square, as many as fit, with minimum distance ``radius``.
+    """Fill the unit square with random points of minimum distance ``radius``.
 
-    The points do not tile: distances are not toroidal. They are in the order of their generation, so leading
-    parts do not cover the square.
+    The points do not tile: distances are not toroidal. They are in the order of generation, so prefixes do
+    not cover the square.
 
     Parameters
     ----------
@@ -123,8 +123,7 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
     Returns
     -------
     Tabulated
-        Two dimensions. The number of points depends on the key. The distance is kept in ``bits``
-        and in float64.
+        Two dimensions. The number of points depends on the key. ``bits`` and float64 keep the distance.
 
     References
     ----------
@@ -148,10 +147,10 @@ def poisson_disk(radius: float, key: Array | int) -> Tabulated:
 
 
 def lloyd(n: int, dims: int, key: Array | int, iterations: int = 30) -> Tabulated:
-    """Make blue noise on the torus, by Lloyd relaxation of uniform random points.
+    """Make blue noise on the torus by Lloyd relaxation of uniform random points.
 
     In each iteration every point moves to the centroid of its Voronoi cell. Distances grow quickly at first;
-    many iterations end in patches of regular lattices.
+    many iterations lead to patches of regular lattices.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Scrambled sequences made net by net, in base 2 and in base b."""
+"""Scrambled sequences, generated net by net, in base 2 and in base b."""
 
 from functools import partial
 
@@ -22,7 +22,7 @@ from qmcjax.sequences._stochastic.best_candidate import best_candidates
 from qmcjax.sequences._stochastic.random import first_fraction
 
 _DIGIT, _BEHIND = 2**15, 2**15 + 1
-"""Used instead of the depth of a node: the first digit of a point, or the digits after the shared ones."""
+"""Replaces the depth of a node: for the first digit of a point, or the digits after the shared ones."""
 
 
 def component(sequence: RadicalInverses | PrimeDigital, dim: int, seeds: Array, n: int) -> Array:
@@ -50,8 +50,8 @@ def _to_earlier(matrix: NDArray[np.uint32], base: int) -> NDArray[np.uint32]:
     """Return the summands of the lower k digits of an index for each unit of digit k, modulo the base.
 
     Point a * base**k + j shares its first k digits with the point of index j plus a times row k, digit by
-    digit: U_k s = u for the upper left part U_k of the generator matrix and the k numbers u above the
-    diagonal in its column k. Faure's matrices are upper triangular.
+    digit: U_k s = u for the upper left block U_k of the generator matrix and the k numbers u above the
+    diagonal in its column k. The Faure matrices are upper triangular.
 
     ``matrix``: uint32 array, shape (K, K): upper triangular, ones on the diagonal. ``base``: a prime. Returns
     uint32 array, shape (K, K): row k has k numbers, followed by zeros.
@@ -103,7 +103,7 @@ def _component(shifts: Array, seeds: Array, base: int, n: int) -> Array:
 
 
 def _earlier(top: Array, shifts: Array, base: int, k: int) -> Array:
-    """Return the indices of the earlier points of new ones, shape (len(top), base**k).
+    """Return the indices of the earlier points for new ones, shape (len(top), base**k).
 
     ``top``: uint32 Array: digit k of the new points. ``shifts``: uint32 Array, shape (K,).
     """
@@ -125,10 +125,10 @@ def net_by_net(
 ) -> Tabulated:
     """Draw the first n points of an Owen-scrambled sequence net by net, with two hashes per coordinate.
 
-    The first b**k points of a component in base b have one point in each interval of length b**-k. The next
-    (b - 1) b**k points fill the other parts when these are split into b: a point shares the first k digits of
-    an earlier one, given by the generator matrix, followed by one of the remaining digits, and random ones.
-    This is the distribution of nested uniform scrambling, as of :func:`owen_exact`.
+    The first b**k points of a component in base b have one point in each interval of length b**-k. If each
+    interval is split into b parts, the next (b - 1) b**k points fill the empty ones: a point shares the first
+    k digits of an earlier one, given by the generator matrix, followed by one of the remaining digits, and
+    random ones. This is the distribution of nested uniform scrambling, as of :func:`owen_exact`.
 
     Parameters
     ----------
@@ -141,23 +141,23 @@ def net_by_net(
         base. The points of a smaller n are the first of a larger one.
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     candidates : int
-        In [1, 1024]. Each point is the best of so many random candidates in its intervals, farthest from all
-        earlier points in the first two coordinates, on the torus. More than 1 for base 2 only; points are
-        then made one by one, tens of thousands per second.
+        In [1, 1024]. Each point is the best of so many random candidates in its intervals: the farthest from
+        all earlier points in the first two coordinates, on the torus. More than 1 only in base 2; points are
+        then generated one by one, tens of thousands per second.
 
     Returns
     -------
     Tabulated
-        With ``size`` n. If b is not 2, the points are in the elementary intervals of their digits in ``bits``
+        With ``size`` n. If b is not 2, the points lie in the elementary intervals of their digits in ``bits``
         and in float64.
 
     Notes
     -----
-    With candidates the nets remain, but the points are no longer exactly uniform, nor are the digits after
-    those of the net independent. The minimum distance grows little: a point is free only within a square of
+    Candidates preserve the nets, but the points are no longer exactly uniform, and the digits after those of
+    the net are not independent. The minimum distance grows little: a point can only move within a square of
     side 1 / n.
 
-    In base b > 2, this is uncorrelated swapping in [1]_: digits are drawn independently.
+    In base b > 2, this is the uncorrelated swapping of [1]_: digits are drawn independently.
 
     References
     ----------
@@ -218,7 +218,7 @@ def _seeds(key: Array, dims: int) -> Array:
 
 
 def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
-    """Return words that, xored, map indices from 2**k on to earlier points with the same first k digits.
+    """Return words to xor that map indices from 2**k on to earlier points with the same first k digits.
 
     Word k of a coordinate is column k of V in C V = L, with V upper and L lower triangular: the point of
     this index, V's column, begins with k zeros (the "xor-values" of Sect. 4.2, with bit k added). Both V
@@ -272,7 +272,7 @@ def _words(steps: Array, seeds: Array, n: int) -> Array:
 
 
 def _beside(earlier: Array, random: Array, k: int) -> Array:
-    """Return points that share k digits with earlier ones, not the next one, and are random behind."""
+    """Return points that share the first k digits with earlier ones, but not the next; the rest is random."""
     unit = np.uint32(2 ** (31 - k))
     behind = unit - np.uint32(1)
     return ((earlier ^ unit) & ~behind) | (random & behind)

@@ -25,7 +25,7 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     n : int, in [1, 2**24]; the points of a smaller n are the first of a larger one
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     candidates : int
-        In [1, 1024]. Each point is the best of so many random candidates, as for :func:`net_by_net`.
+        In [1, 1024]. Each point is the best of so many random candidates, as in :func:`net_by_net`.
 
     Returns
     -------
@@ -37,7 +37,7 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     of one size, horizontally or vertically next to their first point: otherwise the points from 2 N to 3 N
     would not be a net.
 
-    The Sobol' sequence, renumbered, has this order. Let the digits of an index be a polynomial over F2, i_0 +
+    The renumbered Sobol' sequence has this order. Read the digits of an index as a polynomial over F2, i_0 +
     i_1 x + i_2 x^2 + ...: the digits of the second coordinate are its coefficients in powers of x + 1. So a
     point is in the first of the 2**k by 2**k squares if x^k (x + 1)^k divides its polynomial. In the new
     index, digit 2 k stands for this product, and digit 2 k + 1 for the product times x or times x + 1. Then

@@ -1,4 +1,4 @@
-"""Random points at random access: uniform, stratified on a grid, and Latin hypercubes."""
+"""Random points with random access: uniform, jittered on a grid, and Latin hypercubes."""
 
 import math
 from dataclasses import field
@@ -34,7 +34,7 @@ class Uniform(BinarySequence):
         return self.seeds.shape[0]
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        """Return one coordinate: a reversed random word is as random."""
+        """Return one coordinate: reversing a random word leaves it random."""
         return _draw(index, self.seeds[dim])
 
 
@@ -89,7 +89,7 @@ def _seeds(key: Array | int, dims: int) -> Array:
 
 
 def uniform(dims: int, key: Array | int) -> Uniform:
-    """Make independent uniform random points, each a hash of its index.
+    """Make independent uniform random points by hashing the index.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def uniform(dims: int, key: Array | int) -> Uniform:
     Returns
     -------
     Uniform
-        Unbounded: within one coordinate the 2**32 values do not repeat.
+        Unbounded: the 2**32 values of one coordinate do not repeat.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def _rounds(n: int) -> int:
 
 @frozen_pytree
 class LatinHypercube(WordFirst):
-    """In each coordinate, one uniform point in each of n equal intervals."""
+    """One uniform point in each of n equal intervals, in each coordinate."""
 
     n: int = field(metadata={"static": True})
     seeds: Array
@@ -182,11 +182,11 @@ def first_fraction(stratum: Array, n: int) -> Array:
 
 @partial(jax.jit, static_argnames="n")
 def permute(index: Array, n: int, seeds: Array) -> Array:
-    """Permute the numbers below n, at random access.
+    """Permute the numbers below n, with random access.
 
-    A number is a column and a row of a grid of at least n cells. Alternately, each row and each column is
-    rotated by a hash of its number: a Feistel network with sums. A number that leaves the n cells is permuted
-    again until it returns, which keeps the map a bijection.
+    A number is a column and a row of a grid of at least n cells. Rows and columns are alternately rotated by
+    hashes of their numbers: a Feistel network with sums. A number outside the n cells is permuted again until
+    it returns (cycle walking), so the map is a bijection.
 
     ``index``: uint32 Array, shape (...): below n. ``n``: in [1, 2**32]. ``seeds``: uint32 Array, shape
     (rounds,): an even number. Returns uint32 Array, shape (...).
@@ -215,9 +215,9 @@ def permute(index: Array, n: int, seeds: Array) -> Array:
 
 
 def _grid(n: int) -> tuple[int, int]:
-    """Return the columns and rows of a nearly square grid of n or few more cells.
+    """Return the columns and rows of a nearly square grid of n or slightly more cells.
 
-    A single row would only be rotated: there are two if n > 2.
+    A single row would only be rotated, so there are at least two if n > 2.
     """
     root = math.isqrt(n - 1) + 1
     widths = range(root, max(min(n // 2, 2 * root), root) + 1)
@@ -226,7 +226,7 @@ def _grid(n: int) -> tuple[int, int]:
 
 
 def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
-    """Make a Latin hypercube sample: n points, with each coordinate stratified into n equal intervals.
+    """Make a Latin hypercube sample: n points with each coordinate stratified into n equal intervals.
 
     Parameters
     ----------
@@ -237,8 +237,8 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
     Returns
     -------
     LatinHypercube
-        Stratified exactly in ``bits`` and in float64; float32 is rounded down to 24 bits, which is
-        exact for powers of two up to 2**24.
+        Stratified exactly in ``bits`` and in float64. float32 is rounded down to 24 bits, which is exact for
+        powers of two up to 2**24.
 
     References
     ----------

@@ -100,7 +100,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axes = add_axes(figure, 140, 420 - 350 * k, 2 * WIDTH - 140, 240)
         for name, errors in of.items():
             axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
-        name_axes(axes, "component of the light", "filtered error", log="y")
+        name_axes(axes, "component of the light", "filtered error", log="y", few_decades=True)
         axes.set_title(f"{way}, {spp} spp", loc="left")
         if k == 1:  # where the title leaves room
             axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)

@@ -116,7 +116,8 @@ HERO = "thesis-6.1"
 
 WALL = """
 $wall
-<p class="note"><a href="which.html">Which sampler?</a> <a href="ours.html#spp-slider">All images</a></p>
+<p class="note"><a href="which.html">Which sampler?</a>
+<a href="ours.html#spp-slider">Images at 1 to 256 samples per pixel</a></p>
 """
 
 WHICH = """

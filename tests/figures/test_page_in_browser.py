@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from figures.catalogue import CATALOGUE
 from figures.page import FILES
 
 ROOT = Path(__file__).parents[2]
@@ -47,8 +48,9 @@ def test_pages_open_fast_read_only_files_that_are_there_and_show_the_focus(visit
     assert page.evaluate(times) < 2000
     for image in page.locator("img:visible").all():
         image.scroll_into_view_if_needed()
-    page.wait_for_function("[...document.images].every(image => image.hidden || image.naturalWidth > 0)")
-    assert page.evaluate("[...document.images].every(image => image.hidden || image.alt)")
+    page.wait_for_function("[...document.images].every(i => !i.checkVisibility() || i.naturalWidth > 0)")
+    alone = "image => image.hidden || image.alt || image.matches('summary img, li > a img')"
+    assert page.evaluate(f"[...document.images].every({alone})")
     for _ in range(12):
         page.keyboard.press("Tab")
         outline = "getComputedStyle(document.activeElement).outlineStyle"
@@ -57,9 +59,51 @@ def test_pages_open_fast_read_only_files_that_are_there_and_show_the_focus(visit
 
 @pytest.mark.parametrize("name", PAGES)
 @pytest.mark.parametrize("width", [320, 390, 768, 1400])
-def test_a_narrow_screen_scrolls_down_only(visit, width, name):
-    page = visit(name, viewport={"width": width, "height": 800}, device_scale_factor=2)
-    assert page.evaluate("document.documentElement.scrollWidth") == width
+def test_a_narrow_screen_scrolls_down_only_and_not_far(visit, width, name):
+    """Each tab is on the screen, and nothing is wider than it, folded or not."""
+    page = visit(name, viewport={"width": width, "height": 844}, device_scale_factor=2)
+    size = "[document.documentElement.scrollWidth, document.documentElement.scrollHeight]"
+    wide, high = page.evaluate(size)
+    assert wide == width and (width == 320 or high <= 15 * 844)
+    for tab in page.locator(".top a").all():
+        box = tab.bounding_box()
+        assert box["x"] >= 0 and box["x"] + box["width"] <= width and box["y"] < 300
+    page.evaluate("document.querySelectorAll('details').forEach(each => { each.open = true; })")
+    page.wait_for_timeout(100)
+    assert page.evaluate(size)[0] == width
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_each_link_goes_where_it_says(visit, width, folder):
+    """Tabs lead to the page of their name, figures to their own, which is then unfolded, counts to claims."""
+    page = visit(viewport={"width": width, "height": 844})
+    links = "links => links.map(link => [link.getAttribute('href'), link.innerText.trim(), link.className])"
+    for place, words, kind in page.locator("a[href]:visible").evaluate_all(links):
+        file, _, name = place.partition("#")
+        if file.startswith("https://doi.org/"):
+            assert words == "doi:" + file.removeprefix("https://doi.org/")
+            continue
+        page.goto((folder / (file or "index.html")).as_uri() + f"#{name}" * bool(name))
+        if kind == "" and not name and page.locator(".top [aria-current]").inner_text() == words:
+            continue
+        if name in CATALOGUE:
+            figure = page.locator(f"[id='{name}']")
+            figure.locator("> details[open]").wait_for()
+            assert words in (name, figure.locator("h3").inner_text()) or name == "spp-slider"
+            assert 0 <= figure.locator("h3").bounding_box()["y"] < 844
+        else:
+            assert page.locator("img" if file.endswith(".png") else "h1").is_visible()
+
+
+def test_which_sampler_has_one_answer_and_tables_to_scroll(visit):
+    page = visit("which.html", viewport={"width": 390, "height": 844})
+    name, worst = page.locator(".which p b").all_inner_texts()[:2]
+    assert name in page.locator("pre").inner_text() and 1 < float(worst) < 4
+    assert page.locator("table:visible").count() == 1 < page.locator("table").count()
+    box = page.locator(".scroll").first
+    assert (
+        box.evaluate("box => box.scrollWidth > box.clientWidth && getComputedStyle(box).overflowX") == "auto"
+    )
 
 
 def test_they_weigh_less_than_40_megabytes(folder):
@@ -84,7 +128,10 @@ def test_the_first_page_has_twelve_screens_and_begins_with_samplers(visit, graph
 
 def test_claims_are_filtered_and_sorted(visit):
     page = visit("ledger.html")
+    assert set(verdicts(page)[:20]) == {"differs"} and len(verdicts(page)) == 30, "the rest is folded"
+    page.get_by_role("button", name="more").click()
     every = verdicts(page)
+    assert f"{len(every)} claims" == page.locator("#ledger-shown").inner_text()
     for verdict in dict.fromkeys(every):
         page.locator(f".chip.{verdict}").focus()
         page.keyboard.press("Enter")
@@ -113,6 +160,8 @@ def test_a_count_leads_to_the_claims_that_it_counts(visit):
         (each.get_attribute("href"), each.inner_text()) for each in page.locator("#claims a.verdict").all()
     ]
     assert counts
+    page.goto(page.url.rpartition("/")[0] + "/ledger.html")
+    page.get_by_role("button", name="more").click()
     for place, text in counts:
         page.goto(page.url.rpartition("/")[0] + "/" + place)
         _, count, verdict = text.split()
@@ -121,7 +170,7 @@ def test_a_count_leads_to_the_claims_that_it_counts(visit):
 
 def test_the_split_and_the_lens_follow_mouse_and_keys(visit):
     """As much of the left image is shown as lies left of the split; both lenses show the same place."""
-    page = visit("thesis.html")
+    page = visit("thesis.html#thesis-6.1")
     viewer = page.locator("#thesis-6\\.1 .viewer")
     split, left, lenses = viewer.locator(".split"), viewer.locator(".over"), viewer.locator(".magnified")
     split.scroll_into_view_if_needed()
@@ -169,7 +218,7 @@ def test_all_samplers_follow_the_slider(visit, place):
 
 @pytest.mark.parametrize("scale", [1, 1.25, 3])
 def test_pictures_fit_and_enlarged_have_whole_pixels_of_the_screen(visit, scale):
-    page = visit("thesis.html", device_scale_factor=scale)
+    page = visit("thesis.html#thesis-6.1", device_scale_factor=scale)
     link = page.locator("#thesis-6\\.1 .enlarge")
     image, over = link.locator("img"), page.locator("#thesis-6\\.1 .viewer .over")
 

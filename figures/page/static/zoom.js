@@ -49,5 +49,5 @@ for (const link of document.querySelectorAll(".enlarge")) {
     figure?.scrollIntoView();
   };
   addEventListener("hashchange", unfold);
-  addEventListener("load", unfold);
+  unfold();
 }

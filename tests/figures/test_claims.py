@@ -281,14 +281,14 @@ NAMED = (
     "the top-left quadrant is 2; 3 is the top-right one",
     "500^2 = 250 000",
     "125 000 = 50^3",
-    "1600 belongs into the sine",
+    "1600 belongs inside the sine",
     "sqrt(6) / 4 and sqrt(90) / 32",
     "By the two printed areas it is 9.80 percent",
     "bases 2 and 3",
     "bases 5 and 7",
     "base 2",
     "32 bits",
-    "intervals hold 1",
+    "the ratio contains 1",
     "differ from 1",
 )
 """Formulas and printed numbers of the papers, names, bases of sequences and sizes of integers."""

@@ -81,11 +81,9 @@ $made
 
 THUMBNAIL = '<img class="thumbnail" src="$name.webp" alt="" loading="lazy">'
 
-CLAIMS = """\
-<details class="claims"><summary>$count <span class="verdicts">$summary</span></summary>
-<ul>$items</ul></details>"""
+CLAIMS = '<details class="claims"><summary>$count</summary></details>'
 
-CLAIM = '<li><b class="verdict $verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$said</li>'
+CLAIM = '<li><b class="$verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$said</li>'
 
 MADE = """\
 <details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>"""
@@ -179,7 +177,7 @@ def _figure(folder: Path, figure: Shown) -> Markup:
         thumbnail=thumbnail(folder, name),
         badges=_badges(figure),
         marks=_marks(figure),
-        claims=_claims(figure),
+        claims=fill(CLAIMS, count=quantity(len(figure.findings), "claim")) if figure.findings else "",
         **shown,
     )
 
@@ -213,25 +211,22 @@ def _badges(figure: Shown) -> Markup:
     )
 
 
-def _claims(figure: Shown) -> Markup:
-    if not figure.findings:
-        return Markup("")
-    items = (
+def claims(figure: Shown) -> Markup:
+    """Return what a figure found out about each claim, for the list that is made when claims are unfolded."""
+    return join(
         fill(
             CLAIM,
             verdict=finding.verdict,
             word=_ledger.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
-            draft="" if draft in (None, "alone") else f"; draft {draft}",
+            draft=f"; draft {draft}" if draft in ("contradicts", "too small") else "",
             measured=_paragraph(measurement(finding)),
             said=join(said(finding.claim)),
         )
         for finding in figure.findings
         for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
     )
-    count = quantity(len(figure.findings), "claim")
-    return fill(CLAIMS, count=count, summary=_ledger.summary(_count_verdicts(figure)), items=join(items))
 
 
 def _paragraph(text: Markup) -> Markup:

@@ -93,15 +93,11 @@ def of_paper(findings: Iterable[ledger.Finding], paper: str = "") -> dict[str, i
     )
 
 
-def summary(counted: Mapping[str, int], paper: str = "") -> Markup:
-    """Return counts by verdict, in their colours; with a paper, as links to its claims."""
-    plain, linked = (
-        '<b class="verdict $verdict">$word</b>',
-        '<a class="verdict $verdict" href="$place">$word</a>',
-    )
+def summary(counted: Mapping[str, int], paper: str) -> Markup:
+    """Return counts by verdict, in their colours, as links to the claims of a paper."""
     return join(
         fill(
-            linked if paper else plain,
+            '<a class="verdict $verdict" href="$place">$word</a>',
             verdict=verdict,
             place=f"ledger.html#{paper},{verdict}",
             word=word(verdict, count),

@@ -1,7 +1,7 @@
 """Write the pages: what is in the folder is shown, and what is not says which command makes it."""
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -185,7 +185,7 @@ def files(
     }
     shown = [_page(folder, name, mains[name]) for name in PAGES]
     scripts = "\n".join(static(name) for name in SCRIPTS)
-    others = [static("style.css"), scripts, script(), _numbers(entries)]
+    others = [static("style.css"), scripts, script(), _numbers(figures.values())]
     return dict(zip(FILES, [*shown, *others], strict=True))
 
 
@@ -200,12 +200,13 @@ def _page(folder: Path, name: str, main: Markup) -> Markup:
     return fill(static("page.html"), title=PAGES[name], nav=nav, main=main)
 
 
-def _numbers(entries: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the script that a page loads when numbers are unfolded: pages from disk cannot read JSON."""
-    found = {}
-    for name, entry in entries.items():
+def _numbers(figures: Iterable[Shown]) -> str:
+    """Return the script that a page loads when claims or numbers are unfolded: disks serve no JSON."""
+    found: dict[str, dict[str, Any]] = {}
+    for figure in figures:
+        found[figure.name] = {"claims": _figures.claims(figure)}
         with suppress(*_ledger.UNREADABLE):
-            found[name] = _figures.details(name, entry)
+            found[figure.name] |= _figures.details(figure.name, figure.entry or {})
     return f"window.figureNumbers = {json.dumps(found, ensure_ascii=False)};\n"
 
 

@@ -242,7 +242,7 @@ def test_pictures_fit_and_enlarged_have_whole_pixels_of_the_screen(visit, scale)
 
 def test_claims_and_numbers_of_a_figure_unfold(visit):
     page = visit("thesis.html#thesis-6.1")
-    assert page.locator("#thesis-6\\.1 .claims li").first.is_visible()
+    page.locator("#thesis-6\\.1 .claims li").first.wait_for()
     assert not page.locator("#thesis-6\\.2 .claims li").first.is_visible()
     numbers = page.locator("#thesis-6\\.1 .numbers")
     numbers.locator("summary").first.click()

@@ -1,5 +1,5 @@
-// How a figure was made, and its numbers as a folding tree. They are in a script that is read when first unfolded.
-for (const box of document.querySelectorAll(".numbers")) {
+// Claims of a figure, how it was made, and its numbers as a folding tree: in a script that is read when first unfolded.
+for (const box of document.querySelectorAll(".claims, .numbers")) {
   const leaf = (key, text) => element("p", {}, element("span", { className: "key" }, key), ` ${text}`);
   const simple = (value) => value === null || typeof value !== "object";
   const node = (key, value) => {
@@ -11,7 +11,11 @@ for (const box of document.querySelectorAll(".numbers")) {
     return made;
   };
   const show = () => {
-    const { facts, note, numbers } = window.figureNumbers[box.closest("article").id];
+    const { claims, facts, note, numbers } = window.figureNumbers[box.closest("article").id];
+    if (box.matches(".claims")) {
+      box.append(element("ul", { innerHTML: claims }));
+      return;
+    }
     box.append(element("p", { className: "note" }, note),
       element("dl", { className: "facts" }, ...Object.entries(facts).map(([name, value]) =>
         element("div", {}, element("dt", {}, name), element("dd", {}, value)))),

@@ -141,7 +141,7 @@ OUR_SCENE = frozenset(
     hilbert-5 z-1 z-3 z-9 z-10 z-11 z-12 z-table-1
     """.split()
 )
-"""Those of a scene that stands in for the paper's own, which is not to be had."""
+"""Those of a scene that stands in for that of the paper, which is not published."""
 
 TIMED = frozenset(
     """

@@ -200,8 +200,8 @@ def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, M
 def _badges(figure: Shown) -> Markup:
     draft = figure.entry is not None and figure.entry.get("quality") == "draft"
     told = [
-        ("our scene", "A stand-in: the paper's own scene was not to be had", figure.our_scene),
-        ("draft", "Small and quick", draft),
+        ("our scene", "A stand-in: the scene of the paper is not published", figure.our_scene),
+        ("draft", "Small and quick: --quality paper makes it in full", draft),
         ("not up to date", "It failed when it was last made", figure.failed),
     ]
     return join(

@@ -240,6 +240,17 @@ def test_pictures_fit_and_enlarged_have_whole_pixels_of_the_screen(visit, scale)
     assert zoom(over) == pytest.approx(round(zoom(over)), abs=0.01) and zoom(over) >= 1
 
 
+def test_a_picture_can_be_read_on_a_phone(visit):
+    """It is wider than the screen, in a box that scrolls; a tap shows all of its pixels."""
+    page = visit("hilbert.html#hilbert-1", viewport={"width": 390, "height": 844}, device_scale_factor=2)
+    box = page.locator("#hilbert-1 .enlarge")
+    width = "box => [box.clientWidth, box.scrollWidth, Number(box.firstElementChild.getAttribute('width'))]"
+    inside, whole, pixels = box.evaluate(width)
+    assert inside < 390 < min(600, pixels) <= whole
+    box.click()
+    assert box.evaluate(width)[1] == pixels
+
+
 def test_claims_and_numbers_of_a_figure_unfold(visit):
     page = visit("thesis.html#thesis-6.1")
     page.locator("#thesis-6\\.1 .claims li").first.wait_for()

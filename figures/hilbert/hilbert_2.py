@@ -33,13 +33,13 @@ MULTIPLES = "share of the differences above 1 that are multiples of"
 BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 
 NOTE = (
-    "The numbers are differences of positions above 1; red ones are multiples of the row's base, so that "
-    "the radical inverses share their leading digit. 'measured' is of larger grids, 64 x 64 and 81 x 81 "
-    "pixels, where each edge of two pixels is compared with its mirrored one. The caption's symmetries are "
-    "exact from left to right for Morton, Hilbert and Moore, and under a half turn for Peano. Of the "
-    "symmetries along the diagonal that it sees for Peano, those of the shades are strong for phi_2, whose "
-    "leading bit is a checkerboard's, and weak for phi_3 and phi_5; a quarter of the differences are those "
-    "of the mirrored edges, fewer than for Hilbert and Moore."
+    "The numbers are differences of positions above 1; red ones are multiples of the row's base, so "
+    "that the radical inverses share their leading digit. The measurements use larger grids, 64 x 64 "
+    "and 81 x 81 pixels, and compare each edge with its mirror image. The symmetries are exact from "
+    "left to right for Morton, Hilbert and Moore, and under a half turn for Peano. About the diagonal, "
+    "Peano's shades are strongly symmetric for phi_2, whose leading bit forms a checkerboard, and "
+    "weakly for phi_3 and phi_5; a quarter of its differences equal those of the mirrored edges, fewer "
+    "than for Hilbert and Moore."
 )
 
 

@@ -35,19 +35,17 @@ STEP = 1 / 255
 """Of the display: smaller differences are not observable."""
 
 NOTE = (
-    "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions; the reference "
-    "is {origin}, with an RMS error of {error:.2g}. Halton sequences have Faure and Lemieux's digits, as in "
-    "the paper; the extensible lattice is the package's, not that of primitive polynomials, and the worst of "
-    "the four at 64 points. The caption's 'in contiguous blocks (Sect. 4.4)' is read as the partitioned "
-    "sequence, in its simplified form; the contiguous segments of Sect. 3 are beside it. At one sample these "
-    "and the shifted lattice are the same. 'About the same l2-error' is within a factor of 1.25. That the "
-    "noise of the global sequence is less uniform is not found in this scene, at 64 x 64 nor at 128 x 128 "
-    "pixels: at one sample its errors are diffused, too, to about half of white noise at low frequencies, "
-    "like those along the curve (figure screen-space has 0.05 to 0.14 for it, on simple integrands). "
-    "Drafts, of 32 x 32 pixels, are too small to tell. "
-    "Aligned blocks of 2**a x 3**b pixels have points of one sequence with a common stride, "
-    "which are as uniform as contiguous ones in the other bases. Smooth are the half of the pixels "
-    "where the reference's relative gradient is least. " + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED
+    "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions; the "
+    "reference is {origin}, with an RMS error of {error:.2g}. Halton sequences have Faure and Lemieux's "
+    "digits, as in the paper; the extensible lattice is ours, not that of primitive polynomials, and "
+    "the worst of the four at 64 points. We read the caption's 'in contiguous blocks (Sect. 4.4)' as "
+    "the partitioned sequence in its simplified form, and also show the contiguous segments of Sect. 3. "
+    "At one sample these equal the shifted lattice. 'About the same l2-error' means within a factor of "
+    "1.25. In this scene the noise of the global sequence is not less uniform: at one sample its errors "
+    "are diffused, too, to about half of white noise at low frequencies (0.05 to 0.14 on the simple "
+    "integrands of figure screen-space). Its aligned blocks of 2**a x 3**b pixels share a sequence with "
+    "a common stride, as uniform as contiguous points in the other bases. 'Smooth' is the half of the "
+    "pixels with the least relative gradient. " + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED
 )
 
 

@@ -25,9 +25,8 @@ BASES = (2, 3, 5)
 SUPERIMPOSED = r"$(\phi_2, \phi_3, \phi_5)$"
 
 NOTE_3 = (
-    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The powers of red, green "
-    "and blue are added up. The paper judges by eye: superimposed, correlations with the Moore "
-    "and Hilbert curves become harder to identify."
+    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The powers of red, "
+    "green and blue are added. The paper judges by eye."
 )
 
 
@@ -88,14 +87,13 @@ ON_CURVE = "leading bit alternates along the curve"
 ON_EDGES = "leading bit differs across every edge of two pixels"
 
 NOTE_4 = (
-    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the "
-    "power in the strongest 1 % of frequencies is written over each image. The paper shows the scrambled "
-    "ones only, without phi_2 and phi_5 by themselves. "
-    "'Improved according to Faure [9]' is read as the factors of Faure and Lemieux, in base 5 the digits "
-    "0 3 1 4 2. By this measure they leave Morton, Hilbert and Moore as regular as they were, as "
-    "the paper says. That they help most with the Peano curve is not found: it is the least regular with and "
-    "without them, but a little more regular with them, and more yet with Faure's own digits, 0 3 2 1 4. "
-    "What they lower, for all four curves, is the power at low frequencies: to half for all but Hilbert."
+    f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the power "
+    "in the strongest 1 % of frequencies is written over each image. The paper only shows the scrambled "
+    "images. We read 'improved according to Faure [9]' as the factors of Faure and Lemieux, in base 5 "
+    "the digits 0 3 1 4 2. By this measure Morton, Hilbert and Moore stay as regular as they were, as "
+    "the paper says. Peano is not helped most: it is the least regular curve, but slightly more regular "
+    "with scrambling, and more so with Faure's own digits, 0 3 2 1 4. Scrambling does lower the power "
+    "at low frequencies, to half for all curves but Hilbert."
 )
 
 

@@ -124,20 +124,19 @@ TABLE = ("scene", "sampler", "spp", "seconds", "rms error")
 
 NOTE = (
     "Box filter, medians of calls after the first, each with a new key. Scenes with exact pixel means: "
-    "{side} x {side} pixels; 'best' has, for each time, the sampler of the least error among those that took "
-    "no longer. Programs: images of {peer_side} x {peer_side} pixels, all by one scrambled Sobol' sequence "
-    "in contiguous blocks, ours and the C++ reference's Owen-scrambled along the Hilbert curve, the others' "
-    "linearly scrambled in raster order, each after an image that is not counted. The programs take turns. "
-    "The ratio at equal error is the time that the peer's line over the number of samples, prolonged where "
-    "it ends, needs for our error, over ours. Peers that are not installed are left out "
-    "(pip install -e '.[bench]' brings torch; the C++ reference needs a compiler with OpenMP). "
-    "Traced scenes: {traced_side} x {traced_side} pixels, errors over linear RGB; all programs take turns. "
-    "Seconds are medians of {turns} images after the first, until the image is in memory: without compiling "
-    "or loading. Mitsuba (scalar_rgb, all threads) is in a process of its own and takes its times there, "
-    "after an image that is not counted, so that neither its start nor what passes between processes is in "
-    "them. Ours are by one program for points and one for a scene's values, since each pair of both in one "
-    "would compile for minutes. Orthogonal arrays have squares of primes as numbers of samples, 'ldsampler' "
-    "powers of 4: times and errors are of the samples taken. References: {origins}"
+    "{side} x {side} pixels; 'best' is, at each time, the sampler of least error among those that took "
+    "no longer. Programs: images of {peer_side} x {peer_side} pixels, all from one scrambled Sobol' "
+    "sequence in contiguous blocks; ours and the C++ reference's Owen-scrambled along the Hilbert "
+    "curve, the others' linearly scrambled in raster order. Programs alternate; first images are not "
+    "counted. The ratio at equal error is the time the peer needs for our error, extrapolated if "
+    "necessary, over our time. Peers that are not installed are left out (pip install -e '.[bench]' "
+    "brings torch; the C++ reference needs a compiler with OpenMP). Traced scenes: {traced_side} x "
+    "{traced_side} pixels, errors over linear RGB; programs alternate. Seconds are medians of {turns} "
+    "images after the first, until the image is in memory, without compiling or loading. Mitsuba "
+    "(scalar_rgb, all threads) measures its times in its own process. Ours use one program for points "
+    "and one for the scene, since compiling each pair takes minutes. Orthogonal arrays need squares of "
+    "primes as numbers of samples, 'ldsampler' powers of 4: times and errors are those of the samples "
+    "taken. References: {origins}"
 )
 
 

@@ -39,11 +39,11 @@ SCENES = {
 SHOWN = {"draft": ("soft_shadow", "occluder"), "paper": tuple(SCENES)}
 
 NOTE = (
-    "{side} x {side} pixels, RMS error after a Gaussian of 1.5 pixels, relative to the mean over {keys} keys "
-    "of tiles designed for half spaces (samplers.designed), with its interval of 95 %. Points for a scene "
-    "are those of design_samples(integrands=[scene]) after {steps} steps from a tile of the class, {designs} "
-    "keys, of which the geometric mean is shown. They are the same in every image: not unbiased, they fit "
-    "the error of each pixel to those beside it. Gains are those of the camera that they know. "
+    "{side} x {side} pixels, RMS error after a Gaussian of 1.5 pixels, relative to the mean over {keys} "
+    "keys of tiles designed for half spaces (samplers.designed), with 95 % intervals. Points for a "
+    "scene come from design_samples(integrands=[scene]), {steps} steps from a tile of the class; the "
+    "geometric mean over {designs} keys is shown. They are the same in every image, and so biased: they "
+    "fit the error of each pixel to its neighbours. Gains hold for the camera they were designed for. "
     "References of traced scenes are estimates from 1024 samples per pixel."
 )
 

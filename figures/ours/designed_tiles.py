@@ -55,16 +55,16 @@ WHITE = 0.1880
 """What the filter leaves of white noise of standard deviation 1: 1 / (2 sqrt(pi) 1.5)."""
 
 NOTE = (
-    f"{{side}} x {{side}} pixels, {{keys}} keys, the square of the error averaged over {COUNT} integrands "
-    f"each of {', '.join(CLASSES)}, that are the same in all pixels; none was used in the design, which "
-    "knows kernels of half spaces only, in four dimensions of their projections, too. Errors are relative "
-    "to independent samples, one a pixel; filters are Gaussians of 1.5 pixels. Asked for were 0.22, 0.14 "
-    "and 0.08 at 1, 4 and 16 spp in 2-D, 0.31, 0.25 and 0.17 in 4-D, for other integrands of such classes, "
-    "and errors of pixels of at most 1.03 of those of Owen-scrambled points. More than 16 samples are "
-    "tiles of 16 in equal boxes. What bounds it: uniformity over keys. Tiles of free points have about 5 % "
-    "(2-D) to 13 % (4-D) smaller errors at one sample, since they stay away from the faces of the cube; "
-    "but their mean is not the integral. Neighbours have the same integrand here. In scenes with edges on "
-    "the screen they do not, and the gain is less, or none: the table of recommend has such scenes."
+    f"{{side}} x {{side}} pixels, {{keys}} keys, the square of the error averaged over {COUNT} "
+    f"integrands each of {', '.join(CLASSES)}, the same in all pixels; none was used in the design, "
+    "which only uses kernels of half spaces, in four dimensions also of their projections. Errors are "
+    "relative to one independent sample per pixel; filters are Gaussians of 1.5 pixels. Asked for were "
+    "0.22, 0.14 and 0.08 at 1, 4 and 16 spp in 2-D, 0.31, 0.25 and 0.17 in 4-D, for other integrands of "
+    "such classes, and errors of pixels of at most 1.03 of those of Owen-scrambled points. More than 16 "
+    "samples are tiles of 16 in equal boxes. What bounds it: uniformity over keys. Tiles of free points "
+    "have about 5 % (2-D) to 13 % (4-D) smaller errors at one sample, since they avoid the faces of the "
+    "cube; but they are biased. Here neighbours share their integrand. At edges on the screen they do "
+    "not, and the gain is smaller or absent: the table of recommend has such scenes."
 )
 
 

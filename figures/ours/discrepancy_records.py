@@ -78,21 +78,19 @@ CONSTRUCTED: dict[int, Constructions] = {
 L2_STYLES = {"periodic": "-", "average": "--"}
 
 NOTE = (
-    "All discrepancies of ours are of the points as they are shipped, in 32-bit fractions, and agree with"
-    " those of analysis.tables.discrepancy_records, which computes them in rational arithmetic; the "
-    "published ones are as printed. Seconds of the searches, on a core that they had to share with other "
-    "work, are an upper bound; longer searches find better sets. Nets have sizes that are powers of 2; "
-    "the points ((i + 1/2)/n, multiples of the golden ratio) have any. The proven optima for 16 and 20 "
-    "points leave no room for a tenth less. From 60 to 220 points in the plane the gain over published sets "
-    "is 2 to 8 % only, as those were searched for directly, too. The sets of small L2 discrepancies come "
-    "from searches of a few seconds. From three dimensions on there are published values, too: "
-    "arXiv 2407.11533 (3-D, up to 50 points), 2510.03650 (3-D), 2604.00786 (3-D Kronecker sets, from 500 "
-    "points on) and 2306.15276 (subset selection, up to 6-D). We could read their abstracts but not their"
-    " tables, so none is shown, except the largest gain over Sobol' that the last abstract states, 35 % "
-    "in 6-D for 30 to 240 points. The average squared discrepancy is the mean of squared L2 star "
-    "discrepancies from all corners (arXiv 2508.04926, whose values we could not read either); its root "
-    "is shown. "
-    "Sources: " + "; ".join(f"{name}: {by}" for name, by in SOURCES.items()) + "."
+    "All discrepancies of ours are of the points as they are shipped, in 32-bit fractions, and agree "
+    "with those of analysis.tables.discrepancy_records, which computes them in rational arithmetic; the "
+    "published ones are as printed. Search times, on a shared core, are upper bounds; longer searches "
+    "find better sets. Nets have sizes that are powers of 2; the points ((i + 1/2)/n, multiples of the "
+    "golden ratio) have any. From 60 to 220 points in the plane the gain over published sets, also "
+    "found by direct search, is only 2 to 8 %; the proven optima for 16 and 20 points leave less than "
+    "10 %. The sets of small L2 discrepancies come from searches of a few seconds. From three "
+    "dimensions on there are published values, too: arXiv 2407.11533 (3-D, up to 50 points), 2510.03650 "
+    "(3-D), 2604.00786 (3-D Kronecker sets, from 500 points on) and 2306.15276 (subset selection, up to "
+    "6-D). We had their abstracts only, so none is shown, except the largest gain over Sobol' stated in "
+    "the last one, 35 % in 6-D for 30 to 240 points. The average squared discrepancy is the mean of "
+    "squared L2 star discrepancies from all corners (arXiv 2508.04926, values not available to us); its "
+    "root is shown. Sources: " + "; ".join(f"{name}: {by}" for name, by in SOURCES.items()) + "."
 )
 
 

@@ -50,22 +50,22 @@ TITLE = "Intervals hold what they promise, or say that they are not sure"
 
 NOTE = (
     "(a) Indicators of sets in 1 to 4 dimensions and of their complements, probabilities of 1e-6 to .5, "
-    "Sobol' points, 95 % intervals. Lines are means over all that expect about the same number of hits, "
-    "shades reach down to the worst of them. Tolerances are a fifth of the probability, at least 1e-5. (b) "
-    f"Integrands in 1 to 8 dimensions; bars of {SIGMAS:g} standard deviations of a binomial, for all cells "
-    "of an integrand, as many as tests are allowed to be off. Where rounding or resolution widens an "
-    "interval, it may hold the integral more often than it says, and is tested on one side; "
-    f'"{coverage.SKEWED}" is not tested: its errors are skewed, and the docstring of integrate says so. '
-    f"(c, d) {hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in 1 to 8 "
-    "dimensions, Sobol': few are {few[0]} replicates of {few[1]} points, many {many[0]} of {many[1]}. "
-    "Width: geometric means relative to Student's interval with few replicates, over integrands and "
-    "{tried} keys. The median narrows the interval with linear scrambling (kind median), and less with "
-    "Owen's (kind quantile); medians of many replicates miss the integral if their distribution is skewed. "
-    "Intervals by betting hold it whatever the distribution; empirical Bernstein intervals are of the same "
-    "replicates. (e) Part of the last intervals that hold the integral, up to {points} points in each of 8 "
-    "replicates. (f) Share of trials that call any two of 2 to 12 identical samplers different, the most "
-    "over their number, which should be 5 % at most. (g) Share of the pairs of 6 samplers that are "
-    "distinguished, each with that many times the error of the one before; normal errors of 5 %."
+    "Sobol' points, 95 % intervals. Lines are means over sets with about the same expected number of "
+    "hits, shades reach down to the worst. Tolerances are a fifth of the probability, at least 1e-5. "
+    f"(b) Integrands in 1 to 8 dimensions; bars of {SIGMAS:g} standard deviations of a binomial, for all "
+    "cells of an integrand, the tolerance of the tests. Where rounding or resolution widens an "
+    f'interval, it may cover more often than stated, and is tested on one side; "{coverage.SKEWED}" is '
+    "not tested: its errors are skewed, and the docstring of integrate says so. (c, d) "
+    f"{hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in 1 to 8 "
+    f"dimensions, Sobol' points: 'few' means {{few[0]}} replicates of {{few[1]}} points, 'many' "
+    f"{{many[0]}} of {{many[1]}}. Width: geometric means relative to Student's interval with few "
+    f"replicates, over integrands and {{tried}} keys. The median narrows the interval with linear "
+    "scrambling (kind median), and less with Owen's (kind quantile); medians of many replicates miss "
+    "the integral if their distribution is skewed. Betting intervals hold for every distribution; "
+    "empirical Bernstein intervals use the same replicates. (e) Coverage of the last intervals, up to "
+    f"{{points}} points in each of 8 replicates. (f) Largest share of trials that call any two of 2 to "
+    "12 identical samplers different; it should be at most 5 %. (g) Share of distinguished pairs of 6 "
+    "samplers, each with that many times the error of the one before; normal errors of 5 %."
 )
 
 

@@ -111,16 +111,15 @@ SIZES = {
 }
 
 NOTE = (
-    "{side} x {side} pixels, box filter, linear RGB, scalar_rgb, paths of up to 8 (Cornell box), 4 "
-    "(glossy) and 3 edges (depth of field); one image by each sampler: Mitsuba's own, and ours as the "
-    "plug-in of qmcjax.bridges.mitsuba. Ours have 8 dimensions; behind them the plug-in hands out pairs "
-    "with fresh keys. In the Cornell box errors are measured in the lower three quarters: above, a few "
-    "pixels at the edge of the lamp have most of the square error. References are means of {replicates} "
-    f"images of 64 multijittered samples. {diffusion.EXPLAINED} Asked for was {GOAL} times the error of "
+    f"{{side}} x {{side}} pixels, box filter, linear RGB, scalar_rgb, paths of up to 8 (Cornell box), 4 "
+    "(glossy) and 3 edges (depth of field); one image by each sampler: Mitsuba's, and ours through "
+    "qmcjax.bridges.mitsuba. Ours have 8 dimensions; after these the plug-in returns pairs with fresh "
+    "keys. In the Cornell box errors are measured in the lower three quarters: above, a few pixels at "
+    f"the edge of the lamp dominate the squared error. References are means of {{replicates}} images of "
+    f"64 multijittered samples. {diffusion.EXPLAINED} Asked for was {GOAL} times the error of "
     "Owen-scrambled Sobol' points by independent samples, on two scenes. Rates are of the Cornell box, "
-    "{timed_side} x {timed_side} pixels at "
-    f"{TIMED_SPP} samples, paths of up to 8 edges, medians of "
-    "{turns} images in turns, on all threads. At one sample Mitsuba's three are the same points."
+    f"{{timed_side}} x {{timed_side}} pixels at {TIMED_SPP} samples, paths of up to 8 edges, medians of "
+    f"{{turns}} alternating images, on all threads. At one sample Mitsuba's three are the same points."
 )
 
 

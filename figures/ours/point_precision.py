@@ -21,14 +21,14 @@ Curves = dict[str, dict[float, float]]
 
 NOTE = (
     "Largest errors of {count} random cases (frequencies: 64 times as many), from fixed keys. Points: "
-    "against exact fractions, in units of 2^-24, the spacing of float32 coordinates; the textbook loop adds "
-    "digit / base^k in float32. Offsets: of a net over the whole screen, against its 32-bit words; the "
-    "textbook way is x width - floor(x width) in float32. The position on the screen that a scene gets is "
-    "one float32, of 2^-24 of the screen, for all samplers. Sums: means of the Gaussian bump, in units in "
-    "the last place, against that of the same values in float64; and against points, values and sums in "
-    "float64, which differ by what steep values make of rounded positions. Frequencies: values of the zone "
-    "plate against extended precision at the same float32 points; the phase f (x^2 + y^2) has a rounding "
-    "error of about f 2^-24 that nothing done to the sine can mend, dtype=float64 does. Dimensions: relative "
+    "against exact fractions, in units of 2^-24, the spacing of float32 coordinates; the textbook loop "
+    "adds digit / base^k in float32. Offsets: of a net over the whole screen, against its 32-bit words; "
+    "the textbook way is x width - floor(x width) in float32. For all samplers, scenes get the position "
+    "on the screen as one float32, to 2^-24 of the screen. Sums: means of the Gaussian bump, in units "
+    "in the last place, against the sum of the same values in float64; and against points, values and "
+    "sums in float64, which also includes the effect of rounded positions. Frequencies: values of the "
+    "zone plate against extended precision at the same float32 points; the phase f (x^2 + y^2) has a "
+    "rounding error of about f 2^-24, which no sine can mend; dtype=float64 does. Dimensions: relative "
     "error, in units of 2^-24, of products of d factors."
 )
 

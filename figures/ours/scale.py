@@ -30,15 +30,15 @@ ALLOWED = 3
 COLORS = (*(f"C{k}" for k in range(8)), "tab:brown")
 
 NOTE = (
-    "On {cores} cores, compiled before. Images: checkerboard, sampler z, float32; the least of several "
-    "calls, or one. Processor time is that of all threads, and other programs disturb it less than the "
-    "clock. The factor of a doubling is the square root of that from one size to the next, four times as "
-    "large. Memory is the peak over that before, less the image's own; large images are made in several "
-    "calls. Measures: of the first n Sobol' points, float64; one call after another one. Dashed: the "
-    "growth that is expected, through the time at the largest n. Memory is the peak over that before the "
-    "call, by the points' own, where those take 8 MiB or more. In 3-D the star discrepancy is bounded by "
-    "counts in 251^3 cells, in 2-D it is exact. Exponents are least squares over the larger half of the n, "
-    "without logarithms."
+    "On {cores} cores, compiled before. Images: checkerboard, sampler z, float32; the fastest of "
+    "several calls, or one. Processor time counts all threads, and is less disturbed by other programs "
+    "than wall-clock time. The factor per doubling is the square root of the factor between sizes, each "
+    "four times the last. Memory: peak above that before, less the image itself; large images take "
+    "several calls. Measures: of the first n Sobol' points, float64, one call after a first one. "
+    "Dashed: expected growth, through the time at the largest n. Memory: peak above that before the "
+    "call, relative to the points, if these take 8 MiB or more. In 3-D the star discrepancy is bounded "
+    "by counts in 251^3 cells, in 2-D it is exact. Exponents are least squares over the larger half of "
+    "the n, ignoring logarithmic factors."
 )
 
 

@@ -147,15 +147,15 @@ LARGE = 64
 """Samples per pixel from which on optimised keys are said to diffuse errors no more; masks are from 2 on."""
 
 NOTE = (
-    "{side} x {side} pixels, {counts} samples per pixel. Each pixel estimates integrals of the two "
-    f"coordinates that it samples, the same in every pixel: x y, a disc of radius {RADIUS}, x + "
-    f"y < 1, and exp(-{SHARPNESS:.0f} |p - {CENTRE}|^2), the bump. An image of the "
-    "slider has one of them in each quarter, in this order, and would be flat there without error. Errors "
-    "are against the exact integrals; power is 1 for white noise, low is the radial mean below 1/16 of a "
-    "cycle per pixel, filtered the RMS error after a Gaussian of 1.5 pixels; images are taken as periodic. "
-    "The global sequences show their dimensions 2 and 3, since 0 and 1 are the pixel. Peano's curve fills "
-    "3**k pixels a side, of which a part is used. One key for what is random. At one sample per pixel, "
-    "segments and the shifted lattice are the contiguous blocks of their Halton components."
+    f"{{side}} x {{side}} pixels, {{counts}} samples per pixel. Each pixel estimates the same integrals "
+    f"of its two coordinates: x y, a disc of radius {RADIUS}, x + y < 1, and exp(-{SHARPNESS:.0f} |p - "
+    f"{CENTRE}|^2), the bump. Images of the slider show one in each quarter, in this order; without "
+    "error, quarters are flat. Errors are against the exact integrals; power is 1 for white noise, "
+    "'low' its radial mean below 1/16 cycle per pixel, 'filtered' the RMS error after a Gaussian of 1.5 "
+    "pixels; images are periodic. Global sequences show their dimensions 2 and 3, as 0 and 1 are the "
+    "pixel. Peano's curve fills 3**k x 3**k pixels, of which a part is used. Random samplers use one "
+    "key. At one sample per pixel, segments and the shifted lattice equal contiguous blocks of their "
+    "Halton components."
 )
 
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]

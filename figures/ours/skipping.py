@@ -41,10 +41,10 @@ ASKED = (
 
 NOTE = (
     "{side} x {side} pixels, Owen-scrambled Sobol' samples along the Hilbert curve; medians of {calls} "
-    "calls, each with a new key, with and without in turn, after one that compiles; 'over proportion' is the "
-    "time with skipping over the proportion of samples taken times the time without, 'beyond proportion' the "
-    "difference: deciding which pixels are constant, and bringing the image together, is part of the time "
-    "and weighs most where next to nothing is sampled."
+    "calls, each with a new key, alternately with and without skipping, after a first one. 'over "
+    "proportion' is the time with skipping over the proportion of samples taken times the time without, "
+    "'beyond proportion' their difference: finding constant pixels and assembling the image count, and "
+    "weigh most when little is sampled."
 )
 
 

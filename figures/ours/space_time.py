@@ -103,13 +103,13 @@ MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
 
 NOTE = (
-    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. Root mean squares over half-spaces, "
-    f"balls, bumps and products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, "
-    "relative to white noise after the same filter; geometric means over keys. Filters in space are "
-    "Gaussians of 1.5 pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has "
-    f"1.5 frames. Frames repeat without end: shifts by the golden ratio jump once in {FRAMES} frames. "
-    "Asked for were 0.55, 0.45, 0.45, 0.60, and 0.60 of blocks, without a tile. The moving picture is a "
-    "soft shadow of one sample per pixel and frame. "
+    f"{{side}} x {{side}} pixels, {FRAMES} frames, {{keys}} keys. RMS over half-spaces, balls, bumps and "
+    f"products, {integrands_of_dims.COUNT} of each, the same in all pixels and frames, relative to white "
+    "noise after the same filter; geometric means over keys. Filters in space are Gaussians of 1.5 "
+    "pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. "
+    f"Frames repeat: golden-ratio shifts jump once in {FRAMES} frames. The targets were 0.55, 0.45, "
+    "0.45, 0.60, and 0.60 for blocks, without a tile. The animation is a soft shadow with one sample "
+    "per pixel and frame. "
 )
 
 TEXTURE = (

@@ -31,9 +31,9 @@ BUDGET = 6.0
 """Seconds after which no further calls are made."""
 
 NOTE_ON_MEASURES = (
-    "Measures: medians of calls after the first, both programs in turns for the same points, float64. "
-    "cKDTree is built with boxsize=1 and called with two workers; scipy's L2 star discrepancy is the value "
-    "alone, ours includes the gradient."
+    "Measures: medians of calls after the first, alternating programs, same points, float64. cKDTree is "
+    "built with boxsize=1 and called with two workers; scipy's L2 star discrepancy is the value alone, "
+    "ours includes the gradient."
 )
 
 
@@ -107,10 +107,10 @@ POINTS = {"qmcjax, Sobol'": CANDIDATES["(0,2), Owen"].make, "qmcjax, random": CA
 
 
 NOTE_ON_PATHS = (
-    "Paths: images of {side} x {side} pixels, {spp} samples per pixel, {bounces} bounces, light sampled at "
-    "each surface. Medians of turns, ours without compiling, Mitsuba's (scalar_rgb, all threads) without "
-    "loading. Its points are independent, as ours are in one case; in the other, Sobol' points are scrambled "
-    "in each pixel."
+    "Paths: images of {side} x {side} pixels, {spp} samples per pixel, {bounces} bounces, light sampled "
+    "at each surface. Medians of alternating runs, ours without compiling, Mitsuba's (scalar_rgb, all "
+    "threads) without loading. Its points are independent, as ours in one case; in the other, Sobol' "
+    "points are scrambled per pixel."
 )
 
 
@@ -190,12 +190,12 @@ OURS = ("float32", "float64", "fused loops", "tree, JAX", "compiled")
 """Ways of ours, whose names do not say so."""
 
 NOTE = (
-    "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy its "
-    "first points each time. Peers make float64. Their scrambling is linear, but for QMCPy's nested uniform "
-    "one beside our exact Owen scrambling. {rays} {paths} {measures} Where there is a "
-    "GPU, rates of whole programs on it stand beside those on the processor and what an H100 could do at "
-    "most, by the operations and bytes that XLA counts. Peers not installed are left out "
-    "(pip install -e '.[bench]' brings QMCPy and torch)."
+    "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy "
+    "its first points each time. Peers compute float64. Their scrambling is linear, except QMCPy's "
+    "nested uniform one, compared with our exact Owen scrambling. {rays} {paths} {measures} With a GPU, "
+    "rates of whole programs are shown next to those of the CPU and to the limit of an H100 by the "
+    "operations and bytes that XLA counts. Peers not installed are omitted (pip install -e '.[bench]' "
+    "brings QMCPy and torch)."
 )
 
 Rates = Mapping[str, Mapping[str, float]]

@@ -23,10 +23,10 @@ DRAWN = {"draft": ("random", "Z", "Hilbert, Owen")}
 """Samplers of drafts; otherwise all."""
 
 NOTE = (
-    f"The checkerboard, {SIDE} x {SIDE} pixels, box filter, one key for what is random; errors are against "
-    "the exact pixel means. (0,2), lattice and dither: the same sequence in each pixel, Owen-scrambled, "
-    "rotated at random, or rotated by a mask of blue noise. Ranked: keys optimised for blue noise. Global: "
-    "one sequence over the screen. Z: Morton order, scrambled by hashing. Hilbert: contiguous blocks of one "
+    f"The checkerboard, {SIDE} x {SIDE} pixels, box filter, one key; errors are against the exact pixel "
+    "means. (0,2), lattice and dither: the same sequence in each pixel, Owen-scrambled, rotated at "
+    "random, or rotated by a mask of blue noise. Ranked: keys optimised for blue noise. Global: one "
+    "sequence over the screen. Z: Morton order, scrambled by hashing. Hilbert: contiguous blocks of one "
     "Owen-scrambled sequence along the curve."
 )
 

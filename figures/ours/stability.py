@@ -25,17 +25,16 @@ Curves = dict[str, dict[float, float]]
 """Errors, or parts of the rays, over what is stressed, by body and precision."""
 
 NOTE_ON_RAYS = (
-    "{count} rays each, from fixed keys, in float32 and float64. Bodies of size 1: rays from outside hit "
-    "them, and their points are the origins of further rays. 'Leaving a body': of rays that leave a "
-    "convex body at more than 3 degrees, the part that meets it again; 'entering it': of rays into it at "
-    "more than 3 degrees, the part that meets nothing, or missed the body at first: a point so near to "
-    "two surfaces that rounding cannot decide is on both. 'Size': a mesh of 320 triangles around the "
-    "origin, all of it scaled; the part of the rays at points of its edges that miss it (squares of "
-    "squares overflow, or underflow); and one triangle, seen from as far as it is large, or from 1 if it "
-    "is larger: the part that misses it or, leaving it, meets it again. An origin within 16 units of "
-    "rounding of its coordinates is on it. 'Grazing': rays from the height 1 at a plane, relative error "
-    "of the distance against the exact one. 'Pictures': RMS difference over the mean between float32 and "
-    "float64 of direct light on a sphere, a box and a mesh."
+    "{count} rays each, from fixed keys, in float32 and float64. Bodies of size 1: rays from outside "
+    "hit them, and their points are the origins of further rays. 'Leaving a body': share of rays "
+    "leaving a convex body at more than 3 degrees that hit it again; 'entering it': share of rays into "
+    "it at more than 3 degrees that hit nothing, or missed it at first; a point too close to two "
+    "surfaces for rounding to decide is on both. 'Size': share of rays that miss the edges of a scaled "
+    "mesh of 320 triangles around the origin (squares of squares overflow or underflow); and of rays "
+    "that miss one triangle, or hit it again on leaving, seen from its size, or from 1 if it is larger. "
+    "An origin within 16 rounding units of a surface is on it. 'Grazing': rays from height 1 onto a "
+    "plane, relative error of the distance. 'Pictures': RMS difference over the mean between float32 "
+    "and float64 of direct light on a sphere, a box and a mesh."
 )
 
 

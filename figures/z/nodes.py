@@ -27,12 +27,11 @@ KEY_5 = 192
 PRINTED_5 = {"": [2, 3, 1, 0], "0": [3, 0, 1, 2]}
 
 NOTE_5 = (
-    "The caption gives two of the permutations; the order is the library's with the first key that has "
-    "both. The permutations are read off the positions of the first pixel of each block, and Eq. 5 with "
-    "them gives all 64 positions back. Eq. 4 prints (4^(log2(n) - 1) - 1) / 3 for their number, for n = 8 "
-    "that is 5; its sum is (4^log2(n) - 1) / 3 = 21. The caption calls pi_3 that of the top-left "
-    "quadrant: by Eq. 6 the digit of the top-left quadrant is 2, and 3 is the top-right one, as in its "
-    "own list of the four."
+    "The caption gives two of the permutations; we use the first key whose order has both. The "
+    "permutations are read from the first pixel of each block; with them, Eq. 5 reproduces all 64 "
+    "positions. Eq. 4 prints (4^(log2(n) - 1) - 1) / 3 for their number, 5 for n = 8; the sum is "
+    "(4^log2(n) - 1) / 3 = 21. The caption assigns pi_3 to the top-left quadrant; by Eq. 6 and its own "
+    "list that is 2, and 3 is the top-right one."
 )
 
 
@@ -152,12 +151,11 @@ PRINTED_7 = {
 COLOURS = dict(zip(LETTERS, (VERMILLION, BLUE, GREEN, ORANGE, PURPLE), strict=True))
 
 NOTE_7 = (
-    "Children are named by the digits of the Morton code, 0 and 1 the lower two, y upward. The order is the "
-    "library's with the production of Eq. 11 and five permutations; that the tree is self-similar is seen in "
-    "its positions: under all nodes of a letter the pixels come in the same order. Repetitions are the parts "
-    "of the pairs of nodes of a level, side by side or one above the other, that have equal letters, at the "
-    "level of {side} x {side} nodes. The production of Eq. 11 has none among siblings, but some among other "
-    "neighbours; letters drawn independently would have 1/5. Eq. 18 prints alpha <- psi[z_j] for "
+    "Children are named by the digits of the Morton code, 0 and 1 the lower two, y upward. The order "
+    "uses the production of Eq. 11 and five permutations; the tree is self-similar: below all nodes "
+    "with the same letter, pixels come in the same order. Repetitions: the share of neighbouring nodes "
+    "with equal letters among {side} x {side} nodes. Eq. 11 has none among siblings, some among other "
+    "neighbours; independent letters would have 1/5. Eq. 18 prints alpha <- psi[z_j] for "
     "psi[alpha][z_j]."
 )
 

@@ -34,13 +34,13 @@ JUDGED_SIDE_9 = {"draft": 32, "paper": 128}
 """Over how many keys claims are judged, on images of this side."""
 
 NOTE_9 = (
-    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes and cameras are ours. Sentences are judged "
-    "on {small} x {small} pixels over {keys} keys. References are {origin}. Errors are over linear RGB; "
-    "filtered errors are root mean squares after a Gaussian of 1.5 pixels, powers 1 for white noise, low "
-    "those below 1/16 of a cycle per pixel. x and y, and each u and v, are pairs, others are single. (0,2): "
-    "Sobol' points xored and shuffled in each pixel. Sobol': over the full screen, not scrambled. Ranked "
-    "keys, after Heitz et al., are our own, another tile and order of the samples for each pair. Z: by "
-    "hashing. "
+    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes and cameras are ours. Claims are "
+    f"judged on {{small}} x {{small}} pixels over {{keys}} keys. References are {{origin}}. Errors are "
+    "over linear RGB; filtered errors are RMS after a Gaussian of 1.5 pixels; power is 1 for white "
+    "noise, low frequencies are below 1/16 cycle per pixel. x and y, and each u and v, form pairs. "
+    "(0,2): Sobol' points xor-scrambled and shuffled per pixel. Sobol': over the full screen, not "
+    "scrambled. Ranked keys, after Heitz et al., are ours, with a tile and a sample order per pair. Z: "
+    "by hashing. "
 )
 
 
@@ -141,16 +141,16 @@ CROPS = {
 """Scenes with their magnified areas."""
 
 NOTE_10 = (
-    f"{{side}} x {{side}} pixels, {SPP_10} samples per pixel; scenes are the package's: sports for motion "
-    "blur, defocus for depth of field, the interior with {bounces} bounces for path tracing, the caustic "
-    "for bidirectional path tracing. Sentences are judged on {small} x {small} pixels over {keys} keys; "
-    "Sobol' has none. Errors are root mean squares over these; the ratio is of filtered to whole errors. "
-    f"Artifacts are read as an error from afar, which is the filtered one, of more than {ALMOST:g} times "
-    f"that of Z, almost the best as one of less than {ALMOST:g} times the least. (0,2): Sobol' points "
-    "xored and shuffled in each pixel. Ranked keys, after Heitz et al., are our own, another tile and "
-    "order of the samples for each pair of dimensions. Z: by hashing. What the paper shows in large images "
-    "is more than these numbers. Side by side, the four scenes make one image: sports and defocus above "
-    "the interior and the caustic. {origins}"
+    f"{{side}} x {{side}} pixels, {SPP_10} samples per pixel; scenes are the package's: sports for "
+    f"motion blur, defocus for depth of field, the interior with {{bounces}} bounces for path tracing, "
+    f"the caustic for bidirectional path tracing. Claims are judged on {{small}} x {{small}} pixels over "
+    f"{{keys}} keys; Sobol' has none. Errors are root mean squares over keys; the ratio is that of "
+    f"filtered to unfiltered errors. We read artefacts as more than {ALMOST:g} times the filtered error "
+    f"of Z, and almost the best as less than {ALMOST:g} times the least. (0,2): Sobol' points "
+    "xor-scrambled and shuffled per pixel. Ranked keys, after Heitz et al., are ours, with a tile and a "
+    "sample order per pair of dimensions. Z: by hashing. The large images of the paper show more than "
+    "these numbers. The exported image joins sports and defocus above the interior and the caustic. "
+    f"{{origins}}"
 )
 
 

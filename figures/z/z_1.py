@@ -52,16 +52,15 @@ FLAT, FADING = 128, (2, 4, 8, 16)
 """Side of an image that is the same in all pixels, and the numbers of coordinates of its integrands."""
 
 NOTE = (
-    "{side} x {side} pixels, the package's interior with {bounces} bounces, {dims} dimensions: not the "
-    "paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled in each "
-    "pixel. Ranked keys, after Heitz et al.: our own, pairs with a translation each of a tile of 64 x 64 "
-    "pixels, {repeats} of the image's width (theirs is 1/8 of it, of eight dimensions together). Spectra are "
-    "of the errors, where the paper's are of images. The share is that of "
-    "the power in the strongest 1 % of the frequencies. The fewer tiles an image has, the less its spectrum "
-    "has spikes; repetition would be told by the correlation of errors 64 pixels apart, but there are other "
-    "parts of the scene, whose errors differ with the same samples. Ranked keys have "
-    f"less low-frequency power than white noise; {BLUE} is called blue here. Their "
-    "keys are arranged for two dimensions at a time. The reference is {origin}. "
+    f"{{side}} x {{side}} pixels, the package's interior with {{bounces}} bounces, {{dims}} dimensions: "
+    "not the paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled "
+    "per pixel. Ranked keys, after Heitz et al.: ours, optimised for pairs, each with its own "
+    f"translation of a tile of 64 x 64 pixels, {{repeats}} of the image's width (theirs is 1/8 of it, "
+    "for eight dimensions together). Spectra are of errors, the paper's of images; 5 x 5 means hide "
+    "narrow spikes. The share is the power in the strongest 1 % of frequencies. With few tiles the "
+    "spectrum has weak spikes; repetition would show as correlation of errors 64 pixels apart, but "
+    "there the scene differs, and so do errors of the same samples. A power at low frequencies below "
+    f"{BLUE} of white noise is called blue. The reference is {{origin}}. "
 )
 
 

@@ -31,13 +31,13 @@ SAME = 1.15
 
 NOTE = (
     f"{pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided among {{keys}}; "
-    "scenes of the package for those of the paper: sports for motion blur, defocus for depth of field, the "
-    "interior for path tracing, with {bounces} bounces, and the caustic for bidirectional path tracing. "
-    "Intervals are those of the means of logarithms over the sets, as wide as the bands: few pixels have "
-    "most of the square error. Samplers are those of Fig. 1; ranked keys, after Heitz et al., are our own, "
-    "with an order of the samples for each pair of dimensions: in about the same order in all pairs, the "
-    "error would level off, as that of Z0 does in Fig. 12. Theirs has 256 dimensions of one Owen-scrambled "
-    f"Sobol' sequence. 'Almost identical' is within a factor of {SAME}. {{origins}}"
+    "our scenes stand in for the paper's: sports for motion blur, defocus for depth of field, the "
+    f"interior for path tracing, with {{bounces}} bounces, and the caustic for bidirectional path "
+    "tracing. Intervals are of geometric means over the sets, as wide as the bands: a few pixels "
+    "dominate the squared error. Samplers are those of Fig. 1; ranked keys, after Heitz et al., are "
+    "ours, with a sample order per pair of dimensions: with one order for all, the error would level "
+    "off like that of Z0 in Fig. 12. Theirs use 256 dimensions of one Owen-scrambled Sobol' sequence. "
+    f"'Almost identical' is within a factor of {SAME}. {{origins}}"
 )
 
 

@@ -64,13 +64,13 @@ INSET = 256
 """Pixels of the picture that an inset is wide, at most."""
 
 NOTE = (
-    f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper's scene is not given: here "
-    "the occluder of Fig. 9, five dimensions, in which the three constituents are pixel, light and its u, "
-    "and v. 'Z hash' mixes the words of nodes three times a level, 'Z multiplicative' is the product that "
-    "the paper prints; 'Z joint' has one sequence of five dimensions and one order. "
-    f"The reference is {{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided "
-    "among {keys}, with intervals from the sets. Filtered errors: "
-    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} keys. " + diffusion.EXPLAINED
+    f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper does not describe its "
+    "scene; we use the occluder of Fig. 9, five dimensions in three constituents: pixel, light and u, "
+    "and v. 'Z hash' is our hash, which mixes three times per level, 'Z multiplicative' the paper's "
+    "printed Z_hash; 'Z joint' has one sequence of five dimensions and one order. The reference is "
+    f"{{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided among {{keys}}, "
+    f"with intervals from the sets. Filtered errors: {JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} "
+    "keys. " + diffusion.EXPLAINED
 )
 
 

@@ -30,11 +30,10 @@ TOP, LEFT, CROP = 32, 96, 64
 """The magnified area, in pixels: in the penumbra."""
 
 NOTE = (
-    "The paper renders a scene of its own; here a disc casts the shadow of a square light onto the floor, "
-    "seen from above: four dimensions, two of the pixel and two of the light. At one sample per pixel, the "
-    "(0,2)-sequence with its xor scrambling is one random point in each pixel. Z0 has the same samples for "
-    "pixel and light, as the paper says of it. The reference is exact up to 1e-5; the error is the "
-    f"difference from it, black where the image is too dark. {EXPLAINED}"
+    "Our scene: a disc casts the shadow of a square light onto the floor, seen from above, with two "
+    "dimensions each for pixel and light. At one sample per pixel, the xor-scrambled (0,2)-sequence is "
+    "one random point per pixel. Z0 uses the same samples for pixel and light, as the paper says. The "
+    f"reference is exact up to 1e-5; errors are black where the image is too dark. {EXPLAINED}"
 )
 
 

@@ -22,14 +22,13 @@ COLOURS = (ORANGE, GREEN, SKY, "0.7")
 """Of the quadrants in Morton's order."""
 
 NOTE = (
-    "y points up, as in the paper's Fig. 2; jumps are thin and dark blue. The strip is cut on the page, "
-    "bar by bar, without the library's order, and its pixels come out in that order if the side of the "
-    "first cut of each step alternates; the caption does not say which. It has the jump from the green to "
-    "the gray quadrant go from the bottom left to the top right. From the bottom to the top it goes, but "
-    "whatever the sides of the cuts, it stays in its column: 'left' would have to read 'right'. With the "
-    "second step's cuts reversed the 16 blocks are passed as by a Moore curve, as printed; beyond 16 "
-    "blocks no choice of sides gives a closed path. Adjacency is better than Morton's in all three "
-    "measures."
+    "y points up, as in the paper's Fig. 2; jumps are thin and dark blue. The strip is cut bar by bar, "
+    "independently of the library's order, and its pixels come out in that order if the side of the "
+    "first cut alternates from step to step; the caption does not specify it. The caption lets the jump "
+    "from green to grey go from the bottom left to the top right; it does go up, but for every choice "
+    "of cuts it stays in its column ('left' should read 'right'). With the second step's cuts reversed "
+    "the 16 blocks follow a Moore curve, as printed; beyond 16 blocks no choice gives a closed path. "
+    "Adjacency is better than Morton's in all three measures."
 )
 
 

@@ -26,15 +26,14 @@ TITLES = {
 PRINTED = {"Z": 0.000372996695, "xor-scrambled": 0.011730194092}
 
 NOTE = (
-    "One sample per pixel. A block of the Z-sampler holds the points of one aligned run of the Sobol' "
-    "sequence: the first 16384 here in the picture. Their star discrepancy is 0.000372990965843; written "
-    "with 8 decimals and read back, the points have 0.000372996695290, the printed digits. The compared "
-    "sampler: each pixel has one of 256 points of 8 bits, xor-scrambled by 8 bits of its own, in the "
-    "middle of its cell of a 256 x 256 grid. With one sample a pixel that is a random cell whatever the "
-    "256 points are. The printed value is 3075 / 2^18 to its last digit: an odd multiple, as boxes that "
-    "end in the middle of cells give, and none with points in their corners, whose boxes end at multiples "
-    "of 1/256. It lies in the range over keys of random scramblings, one of which hits it, by chance; "
-    "those of the paper are optimised, and were not available."
+    "One sample per pixel. A block of the Z-sampler holds an aligned run of the Sobol' sequence, here "
+    "its first 16384 points. Their star discrepancy is 0.000372990965843; rounded to 8 decimals, it is "
+    "0.000372996695290, the printed digits. The compared sampler: each pixel has one of 256 points of 8 "
+    "bits, xor-scrambled by its own 8 bits, in the middle of a cell of a 256 x 256 grid: with one "
+    "sample per pixel, a random cell whatever the 256 points. The printed value is 3075 / 2^18 to its "
+    "last digit, an odd multiple, which points in the middle of cells can give and points in their "
+    "corners cannot. It lies within the range of random scramblings; those of the paper are optimised, "
+    "and were not available."
 )
 
 

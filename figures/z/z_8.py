@@ -30,12 +30,11 @@ SWAPPED = "part of the pixels whose second sample is in the other half"
 BLOCKS = "side of the aligned blocks whose first samples share a half"
 
 NOTE = (
-    "Dimensions count from 0, so that 0 and 1 are the pixel, as in PBRT; the matrices are Joe and Kuo's. "
-    "Of the dimensions 2 to 9 only 5 has halves that are made of aligned blocks of 2 x 2 pixels; swapping "
-    "the halves between the first and the second 64k samples is no rarity. Pictures are of the package's "
-    "scene ramp; the average is that of both samples. The error is the root mean "
-    "square, over the pixels, of the mean of so many samples minus 1/2: for n independent samples it is "
-    "0.29 / sqrt(n), for n equidistant ones with a random shift 0.29 / n."
+    "Dimensions count from 0, so that 0 and 1 are the pixel, as in PBRT; the matrices are Joe and "
+    "Kuo's. Of the dimensions 2 to 9 only 5 has halves made of aligned blocks of 2 x 2 pixels; swapping "
+    "halves between the first and the second 64k samples is common. The pictures show our scene ramp. "
+    "The error is the RMS, over pixels, of the mean of n samples minus 1/2: 0.29 / sqrt(n) for "
+    "independent samples, 0.29 / n for equidistant ones with a random shift."
 )
 
 

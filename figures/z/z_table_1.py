@@ -37,14 +37,13 @@ PRINTED = {
 RATIOS = (("Z", "(0,2)"), ("Z", "ranked keys"), ("Sobol'", "Z"))
 
 NOTE = (
-    "{width} x {height} pixels. The table: a soft shadow in four dimensions stands in for the paper's scene, "
-    "so that ratios between samplers compare, not seconds; what a sample costs beyond its point is little "
-    "here, and the samplers' own costs show more than in a path tracer. (0,2) is the Sobol' sequence "
-    "xor-scrambled in each pixel, its four dimensions not padded. The dots: the mean of x y at {spp} samples "
-    "a pixel, which is generation and little else. Medians of {calls} images after the first, each with a "
-    "new key, the samplers taking turns. Where all pixels have one sequence but for an xor, an image "
-    "computes its points once. Ranked keys, after Heitz et al., are our own; the paper's ratios are of "
-    "theirs. Drafts are small and say little."
+    "{width} x {height} pixels. The table: a soft shadow in four dimensions stands in for the paper's "
+    "scene, so compare ratios, not seconds; shading costs little here, so sampler costs show more than "
+    "in a path tracer. (0,2) is the Sobol' sequence xor-scrambled in each pixel, its four dimensions "
+    "not padded. The dots: the mean of x y at {spp} samples per pixel, almost only generation. Medians "
+    "of {calls} images after the first, each with a new key, samplers alternating. If all pixels share "
+    "a sequence up to an xor, its points are computed once per image. Ranked keys, after Heitz et al., "
+    "are ours; the paper's ratios are of theirs."
 )
 
 

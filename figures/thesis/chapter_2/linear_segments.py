@@ -21,10 +21,10 @@ PIECES = tuple(2**k for k in range(3, 13))
 CURVES = {"smooth": CURVE, "with a corner": CORNER}
 
 NOTE_2_4 = (
-    "Segments between equidistant parameters. The curves are those of Fig. 2.2 and 2.3; their exact lengths "
-    "are the library's, by quadrature between knots. The corner of the second is at one third of its "
-    "parameters, never an end of 2^k equal segments: the one across it misses a part in proportion to its "
-    "length. Slopes are those of the last eight numbers."
+    "Segments between equidistant parameters. The curves are those of Fig. 2.2 and 2.3; their exact "
+    "lengths are the library's, by quadrature between knots. The corner of the second is at a third of "
+    "its parameter range, never at an end of 2^k equal segments: the segment across it misses a part "
+    "proportional to its length. Slopes are fitted to the last eight counts."
 )
 
 
@@ -72,11 +72,11 @@ INSIDE = 32
 """Places of each segment where its distance from the curve is measured."""
 
 NOTE_2_5 = (
-    "The curve of Fig. 2.2. Segments are equal in arc length, their chords only almost. 'error' is between "
-    "the points of segments and curve at the same arc length, at 32 places of each segment, in parts of the "
-    "curve's length; the bound comes with the segments. 'table' divides the curve by Eq. 2.5 and 2.6 with a "
-    "table of so many times as many pieces as segments: how much longer the longest segment's arc is than "
-    "the mean."
+    "The curve of Fig. 2.2. Segments have equal arc lengths, and almost equal chords. 'error': largest "
+    "distance of segment and curve at the same arc length, at 32 points of each segment, relative to "
+    "the curve's length; the bound comes with the segments. 'table': the curve is divided by Eq. 2.5 "
+    "and 2.6 with a table of that many pieces per segment; shown is how much longer the longest arc is "
+    "than the mean."
 )
 
 
@@ -151,9 +151,9 @@ ALLOWED = 0.01
 """Of the radius, how far the segments may be from the circle."""
 
 NOTE_2_7 = (
-    "A point turns about the middle while the shutter is open; linear segments, equal in time, end on its "
-    "path. 'error' is the largest distance from the point at the same time, in parts of the radius: in the "
-    "middle of a segment it is 1 - cos(half of its angle)."
+    "A point turns about the middle while the shutter is open; linear segments, equal in time, end on "
+    "its path. 'error': largest distance from the point at the same time, relative to the radius; in "
+    "the middle of a segment it is 1 - cos(half its angle)."
 )
 
 
@@ -227,7 +227,7 @@ BALL = motion.nurbs(_CONTROL, None, np.repeat(_LANDINGS, [3, *[2] * (JUMPS - 1),
 
 NOTE_2_8 = (
     "The lowest point of a ball that jumps three times, a NURBS curve of degree 2 whose inner knots are "
-    "double: there its direction jumps. Heights in parts of a jump's height, at the landings between jumps. "
+    "double: there its direction jumps. Heights at the landings are relative to the height of a jump. "
     "Without corners the segments are equal in time; multiples of three happen to end at the landings."
 )
 

@@ -22,10 +22,11 @@ KEY = 1
 
 NOTE = (
     "The rectangle turns about the origin, clockwise; the thesis does not print its coordinates. 'brute "
-    f"force' is the box over {ANGLES} angles. In space: {ROTATIONS} random boxes of eight corners, axes and "
-    "ranges of angles; the thesis's way boxes the motion in a frame whose z is the axis, and boxes that box "
-    "in the old frame, rotation_box boxes the motion itself; volumes relative to brute force. Eq. 2.13 is an "
-    "extremum of either kind: of random points, at so many it is the maximum that the text calls it."
+    f"force' is the box over {ANGLES} angles. In space: {ROTATIONS} random boxes, axes and ranges of "
+    "angles, volumes relative to brute force. The thesis bounds the motion in a frame whose z is the "
+    "axis, and then bounds that box in the old frame; rotation_box bounds the motion itself. Eq. 2.13 "
+    "gives an extremum of either kind; for the stated share of random points it is a maximum, as the "
+    "text says."
 )
 
 

@@ -79,9 +79,9 @@ SWITCHED_OFF = 4
 
 NOTE_2_1 = (
     "The functions are a NURBS curve in {count} dimensions whose control points are the unit vectors. "
-    "'difference' is between the iterative algorithm and Eq. 2.2 with 0/0 = 0. Inside a knot span there are "
-    "p + 1 = 4 functions that do not vanish, and the loop computes all of them; the text says p. With "
-    "nonnegativity and partition of unity, local support is the convex hull property."
+    "'difference' is between the iterative algorithm and Eq. 2.2 with 0/0 = 0. Inside a knot span p + 1 "
+    "= 4 functions do not vanish, all of which the loop computes; the text says p. Nonnegativity, "
+    "partition of unity and local support give the convex hull property."
 )
 
 
@@ -154,9 +154,9 @@ STEPS = 24
 SEGMENTS = 16 * STEPS
 
 NOTE_2_2 = (
-    "The curve is ours: the thesis prints none. Steps are arc lengths between circles that follow each "
-    f"other, by a table of {FINE} chords. Right, the curve is made of {SEGMENTS} segments of equal arc "
-    "length, by_arc_length."
+    "The curve is ours: the thesis prints none. Steps are arc lengths between consecutive circles, from "
+    f"a table of {FINE} chords. Right: the curve in {SEGMENTS} segments of equal arc length "
+    "(by_arc_length)."
 )
 
 
@@ -207,9 +207,9 @@ BOTTOM = 4
 STEP = 1e-7
 
 NOTE_2_3 = (
-    "Knots as printed; the control points are ours. Right, the same control points with simple knots. "
-    "'turn' is the angle between the directions a step of 1e-7 before and behind the nearest point, "
-    "'gap' the distance between these two points."
+    "Knots as printed; the control points are ours. Right: the same control points with simple knots. "
+    "'turn' is the angle between the directions 1e-7 before and after the nearest point, 'gap' the "
+    "distance between these two points."
 )
 
 

@@ -43,20 +43,18 @@ SIGMA = 1.5
 """Of the filter, in pixels."""
 
 NOTE = (
-    "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row of "
-    f"boxes is in focus. {{side}} x {{side}} pixels; lines are `tracing.lens_line` with {SPP} samples per "
-    "pixel each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is "
-    "{origin} on the lens; its variance is taken off from mean square errors. 'Points' are images by points "
-    "on the lens that all pixels share (Fig. 3.8), 'samples of the lens' are Owen-scrambled in each pixel, "
-    "as many as all lines have. Bands are what errors have in common: shown values (sRGB, 8 bits) less those "
-    f"of the reference, blurred by a Gaussian of {SIGMA:g} pixels, are multiplied for two independent "
-    f"randomisations and averaged over windows of {WINDOW} x {WINDOW} pixels; the root of the largest mean "
-    f"must be below {STEPS:g} steps, about 1 % of contrast. Noise cancels but for what samples of the lens "
-    f"show, which have no bands. A bound of {STEPS:g} on single pixels after the blur, without a second "
-    "randomisation, failed by noise alone: it is worst in the shadows and on far squares, where textures are "
-    "sampled. A sample of a line takes {ratio:.0f} times as long as one of the lens here, where rays are "
-    "traced by compiled loops if Numba is there, and visibility along lines by XLA: at equal time samples of "
-    "the lens have less error, unless what is seen is dear to shade."
+    "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row "
+    f"of boxes is in focus. {{side}} x {{side}} pixels; lines are `tracing.lens_line` with {SPP} samples "
+    "per pixel each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The "
+    f"reference is {{origin}} on the lens; its variance is subtracted from mean square errors. 'Points' "
+    "are images from lens points that all pixels share (Fig. 3.8); 'samples of the lens' are "
+    "Owen-scrambled in each pixel, as many as all lines have. Bands are the structure that two "
+    "independent randomisations share: the differences of displayed values (sRGB, 8 bits) from the "
+    f"reference, blurred by a Gaussian of {SIGMA:g} pixels, are multiplied and averaged over windows of "
+    f"{WINDOW} x {WINDOW} pixels; the root of the largest mean must be below {STEPS:g} steps, about 1 % "
+    "contrast. Noise cancels, as samples of the lens show, which have no bands. A line sample takes "
+    f"{{ratio:.0f}} times as long as a lens sample here (rays are traced by Numba if installed, lines by "
+    "XLA): at equal time, lens samples have less error unless shading is expensive."
 )
 
 

@@ -35,12 +35,12 @@ COUNTS = (4, 16, 64)
 LINEAR = 1e-6
 
 NOTE_3_8 = (
-    "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples per pixel of each "
-    "image from one point, {many} over all of the lens. A slice of the light field is what one point on the "
-    "lens sees: its rays have one origin, and where they cross the plane of focus is linear in the pixel, "
-    "to {residual:.0e} of the plane's distance: a perspective projection off the axis, as graphics hardware "
-    "renders it. Points are the first of the Sobol' sequence. Means of few images show each object out of "
-    "focus as often as there are points; RMS differences from the image over all of the lens are {errors}."
+    "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples per pixel for "
+    "each lens point, {many} over the whole lens. A lens point sees a slice of the light field: its "
+    "rays have one origin and cross the plane of focus linearly in the pixel, to {residual:.0e} of the "
+    "plane's distance. This is an off-axis perspective projection, which graphics hardware can render. "
+    "The points are the first of the Sobol' sequence. Means of few images show copies of objects out of "
+    "focus; RMS differences from the image over the whole lens are {errors}."
 )
 
 
@@ -136,20 +136,18 @@ MUCH = 2.0
 UNIFORM = 0.05
 
 NOTE_3_9 = (
-    "Densities are measured: a square light, 1/{part:g} as wide as its picture out of focus, shows the lens "
-    "itself, by `tracing.lens_line`, {side} x {side} pixels, {spp} samples per line and pixel. The "
-    "density in "
-    "rings of equal width is that of the mean of {many} diameters over that of a disc, blurred by the light "
-    "as well. Evenly sampled diameters have the density 1 / (2 r), infinite in the middle. Where t "
-    'runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" mapping that the '
-    "thesis asks for; then the mean of n lines integrates all polynomials of degree up to 2 n - 1 exactly. "
-    "The edge error is the RMS difference of the part of the lens on one side of a straight edge to the true "
-    "area of the segment, over the places of edges: what pixels near an edge out of focus suffer from. 'All' "
-    "is over edges of all directions, 'worst' of the direction that has the largest. The text does not tell "
-    "the thesis's left pattern; ours has {count} parallel lines, weighed by their lengths, whose edge error "
-    "over all directions is about that of the diameters: they are better in most directions, and have bands "
-    "along edges that are parallel to them. Points are the first {count} of the Sobol' sequence, mapped to "
-    "the disc."
+    "Densities are measured: a square light, 1/{part:g} as wide as its picture out of focus, shows the "
+    "lens itself, by `tracing.lens_line`, {side} x {side} pixels, {spp} samples per line and pixel. The "
+    "density in rings of equal width is that of the mean of {many} diameters over that of a disc, "
+    "blurred by the light as well. Evenly sampled diameters have the density 1 / (2 r), infinite in the "
+    'middle. Where t runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" '
+    "mapping that the thesis asks for; then the mean of n lines integrates all polynomials of degree up "
+    "to 2 n - 1 exactly. The edge error is the RMS error of the part of the lens on one side of a "
+    "straight edge, over edge positions: the error of pixels near an edge out of focus. 'All' is over "
+    "all edge directions, 'worst' for the worst direction. The text does not specify the thesis's left "
+    "pattern; ours has {count} parallel lines weighted by length. Over all directions their edge error "
+    "is about that of the diameters, but edges parallel to them show bands. Points are the first "
+    "{count} of the Sobol' sequence, mapped to the disc."
 )
 
 

@@ -28,13 +28,13 @@ RANDOM = {"draft": 500, "paper": 20_000}
 TOLERANCE = 1e-4
 
 NOTE = (
-    "On the left, the triangle when the shutter opens (green) and closes (yellow), with the patch of one "
-    "edge; rays are across the page. On the right, for the two rays, the signed area between each edge and "
-    "the ray: a quadratic of time whose roots are when the ray crosses the edge's line. While all three "
-    "areas have one sign the ray hits. In {count} random configurations the state of the ray when the "
-    "shutter opens, turned over at each root where the ray is between the ends of the edge, makes the same "
-    f"intervals as visible_intervals in float32 within {TOLERANCE}, but in {{off}}. The fourth corner of a "
-    "patch is, as a median, {off_plane:.2f} of its mean side off the plane of the other three."
+    "Left: the triangle when the shutter opens (green) and closes (yellow), with the patch of one edge; "
+    "rays are perpendicular to the page. Right: for two rays, the signed area between each edge and the "
+    "ray, a quadratic in time whose roots are crossings of the edge's line. The ray hits while all "
+    f"three areas have the same sign. In {{count}} random configurations toggling the initial state at "
+    f"each crossing of an edge gives the intervals of visible_intervals in float32 within {TOLERANCE}, "
+    f"except in {{off}}. The fourth corner of a patch is, as a median, {{off_plane:.2f}} of its mean "
+    "side off the plane of the other three."
 )
 
 

@@ -41,14 +41,14 @@ KINDS = {"one time each": VERMILLION, "intervals": BLUE}
 KEY = 7
 
 NOTE = (
-    "The scene is ours: a floor below a point light at height 1, a still and a moving square in between, "
-    "each with sides of 0.2. What is estimated is the irradiance at {side} x {side} points of 2 x 2 of the "
-    "floor at {times} times, exact by projection of the squares. Both kinds are made of the same random "
-    "points; for each number of photons they have the radius, and photons of one time also the window of "
-    "time, of least error over all points, out of {radii} and {windows}; with most photons the window is "
-    "{best}. 'Photons' are all that the light sends; those stored in intervals are more, since what moves "
-    "parts them. In the mean over the shutter, with one radius, the errors in still parts are {mean}: there "
-    "each photon counts once in both, and intervals help only where irradiance is wanted at single times."
+    "The scene is ours: a floor below a point light at height 1, a still and a moving square in "
+    "between, each with sides of 0.2. We estimate the irradiance at {side} x {side} points of a 2 x 2 "
+    "area of the floor at {times} times; the reference projects the squares exactly. Both kinds use the "
+    "same random points. For each number of photons the radius, and for photons of one time also the "
+    "time window, is the one of least error out of {radii} and {windows}; with most photons the window "
+    "is {best}. 'Photons' counts all that the light emits; intervals store more, since moving objects "
+    "split them. For the mean over the shutter, with one radius, the errors in still parts are {mean}: "
+    "there each photon counts once in both, and intervals only help at single times."
 )
 
 

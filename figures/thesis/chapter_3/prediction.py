@@ -111,15 +111,14 @@ CHECKS = 4
 CONTRAST = 0.1
 
 NOTE_3_3 = (
-    "The scene is ours: a box that slides and turns by 69 degrees above a checkerboard, its shadow and its "
-    "reflection in a still sphere, {side} x {side} pixels, 9 intervals of the shutter. The first and the "
-    "last image have {spp} random samples per pixel, the truth of an interval {exact} Owen-scrambled "
-    "ones. The "
-    "blend is the mean of the first and last image; the prediction has no sample of the middle. Errors are "
-    "RMS over all pixels, and over those of the box in the middle of the shutter: what is missing in the "
-    "prediction is mostly the shadow and the reflection. Corrected, {checks} samples of each pixel check it "
-    "at a contrast of {contrast}, and where that fails there are {spp}. Pixels that failed are counted by "
-    "level with as many checks at each."
+    "The scene is ours: a box that slides and turns by 69 degrees above a checkerboard, its shadow and "
+    "its reflection in a still sphere, {side} x {side} pixels, 9 intervals of the shutter. The first "
+    "and the last image have {spp} random samples per pixel, the truth of an interval {exact} "
+    "Owen-scrambled ones. The blend is the mean of the first and last image; the prediction has no "
+    "sample of the middle. Errors are RMS over all pixels, and over those of the box in the middle of "
+    "the shutter; the prediction mostly lacks the shadow and the reflection. 'Corrected': {checks} "
+    "samples per pixel check the prediction at a contrast of {contrast}; where the check fails, the "
+    "pixel gets {spp}. Failed pixels are counted by level, with as many checks on each."
 )
 
 
@@ -227,11 +226,11 @@ MESH = 24
 NOTE_3_6 = (
     "The scene is that of Fig. 3.3, but the camera is shaken, there and back; three intervals of the "
     f"shutter, {{side}} x {{side}} pixels. The triangles are those of {MESH} x {MESH} pixels; where they "
-    "stretch, from the box to what is behind, the prediction is a guess. What comes into the image from "
-    "beside is in no triangle: {holes} pixels, which get {spp} samples. Of a camera on a straight line, one "
-    f"of the two predictions covers the border. {CHECKS} samples of each pixel check the prediction at a "
-    f"contrast of {CONTRAST}; the error of predicted pixels, RMS, is {{failed:.3f}} where that fails and "
-    "{kept:.3f} elsewhere. The choice by parity is that of the code, which a test compares."
+    "stretch from the box to the background, the prediction is a guess. Areas that enter the image are "
+    f"in no triangle: {{holes}} pixels, which get {{spp}} samples. If the camera moved on a straight "
+    f"line, one of the two predictions would cover the border. {CHECKS} samples of each pixel check the "
+    f"prediction at a contrast of {CONTRAST}; the error of predicted pixels, RMS, is {{failed:.3f}} "
+    f"where that fails and {{kept:.3f}} elsewhere. A test compares the choice by parity."
 )
 
 

@@ -37,15 +37,15 @@ _BATCH = 4
 REGIONS = {"box": "what moves", "shadow": "its shadow", "still": "nothing moves"}
 
 NOTE = (
-    "The scene is that of Fig. 3.3, {side} x {side} pixels, 9 intervals; reference: {exact} Owen-scrambled "
-    "samples a pixel. Of n samples of a pixel that is not predicted, n/4, n/8 and n/16 check it at the "
-    "levels, at least one; the contrast is {contrast}. Errors are RMS over pixels and {keys} keys, over all "
-    "samples of a pixel, of all intervals; without prediction they are as many random ones. Bias is the RMS "
-    "error of means over keys, without the noise that is left in them. 'What moves' are pixels where the "
-    "box is seen at some time; its shadow, those that change without. The sphere is in neither: most of what "
-    "it mirrors of the box is behind the box. Bias falls little with more samples, or not at all, as more "
-    "predictions pass the check: the error of plain samples over that of predicted ones is {fewest:.2f} at "
-    "fewest and {most:.2f} at most samples."
+    "The scene is that of Fig. 3.3, {side} x {side} pixels, 9 intervals; reference: {exact} "
+    "Owen-scrambled samples per pixel. Where n samples would be taken without prediction, n/4, n/8 and "
+    "n/16 of them, at least one, check the levels; the contrast is {contrast}. Errors are RMS over "
+    "pixels and {keys} keys, by all samples of a pixel in all intervals; without prediction there are "
+    "as many random samples. Bias is the RMS error of means over keys, less their remaining noise. "
+    "'What moves': pixels that see the box at some time; 'shadow': other pixels that change. The sphere "
+    "is in neither. Bias falls little or not at all with more samples, as more predictions pass the "
+    "check: the ratio of plain to predicted error is {fewest:.2f} at the fewest and {most:.2f} at the "
+    "most samples."
 )
 
 

@@ -37,18 +37,18 @@ CLOSE_TO = 1e-6
 QUANTILE = 99
 
 NOTE = (
-    f"Frames: an animation of a soft disc whose frames are means of {COUNT} images at consecutive times. The "
-    f"ring buffer is `qmcjax.sliding_means`: the image that is {COUNT} frames old is replaced, and the sum "
-    "taken anew, in float64. 'Subtracted': that image is drawn again and subtracted from the accumulated "
-    f"one, and the new one added, in float32, {{frames}} times, {SMALL} x {SMALL} pixels. Rounding errors "
-    "stay in the sum; they are a walk, and grow about as the root of the frames. Accumulation buffers of "
-    "integers, as in the hardware of the time, have none. Thick line: a quadrilateral whose corners move "
-    f"linearly, {{side}} x {{side}} pixels with {PLACES**2} points each, is two triangles that a ray sees "
-    "for the time that `tracing.visible_intervals` tells; a colour that changes linearly is integrated over "
-    "these intervals by its value in the middle. 'Times' are means over equally spaced ones, all pixels the "
-    f"same. Exactness is against {CHECKED} points with 2048 dense times each and bisected changes in "
-    f"float64, among those that the line covers for a part of the shutter; the {QUANTILE} % quantile, since "
-    "a side that only grazes a point has roots that float32 knows less well."
+    f"Frames: an animation of a soft disc whose frames are means of {COUNT} images at consecutive times. "
+    "The ring buffer is `qmcjax.sliding_means`: the oldest image is replaced, and the sum computed "
+    "again in float64. 'Subtracted': the oldest image is drawn again and subtracted from the "
+    f"accumulated one, and the new one added, in float32, {{frames}} times, {SMALL} x {SMALL} pixels. "
+    "Rounding errors accumulate like a random walk, about as the square root of the number of frames. "
+    "Accumulation buffers of integers, as in the hardware of the time, have none. Thick line: a "
+    f"quadrilateral whose corners move linearly, {{side}} x {{side}} pixels with {PLACES**2} points "
+    "each, consists of two triangles, visible in the intervals of `tracing.visible_intervals`; a colour "
+    "that changes linearly is integrated by its value in the middle of each interval. 'Times' are means "
+    f"over equally spaced times, the same in all pixels. Exactness: {CHECKED} points that the line "
+    "covers for a part of the shutter, against 2048 times each and changes bisected in float64; the "
+    f"{QUANTILE} % quantile, since roots of grazing sides are less accurate in float32."
 )
 
 

@@ -25,16 +25,15 @@ RANDOM = 2.0
 """Up to so many times the strongest wave of random pixels, an order is seemingly random."""
 
 NOTE_3_1_7 = (
-    "{side} x {side} pixels. Position i is the pixel that holds point i of the Sobol' sequence, which is "
-    "computed on its own; its first {side}^2 points are a (0,m,2)-net, m = {m}, which has one point in each "
-    "pixel. Owen-scrambled: the same with another key, a random net. Numbers are means over {keys} keys, but "
-    "for Sobol'. The pictures dissolve from one to another. The largest gap is the distance in pixels of the "
-    "place that is farthest from the middles of the updated pixels, the screen repeated; the error is that "
-    "of the new picture if pixels that are not updated show the nearest one that is. The strongest wave is "
-    "the largest power of the updated pixels as a picture over its mean; of random pixels that is about "
-    "ln({side}^2 / 2) = {log:.0f}. Frameless: each pixel shows a moving disc at the time at which it is "
-    "updated, one sample for a whole shutter; the filtered error is against exact motion blur, after a "
-    "Gaussian of 1.5 pixels."
+    "{side} x {side} pixels. Position i is the pixel that holds point i of the Sobol' sequence, which "
+    "is computed on its own; its first {side}^2 points are a (0,m,2)-net, m = {m}, which has one point "
+    "in each pixel. Owen-scrambled: the same with another key, a random net. Numbers are means over "
+    "{keys} keys, except for Sobol'. One picture dissolves into another. The largest gap is the largest "
+    "distance, in pixels, to the nearest updated pixel, on the torus; the error is that of the new "
+    "picture if other pixels show the nearest updated one. The strongest wave is the largest power of "
+    "the mask of updated pixels over its mean, about ln({side}^2 / 2) = {log:.0f} for random pixels. "
+    "Frameless: each pixel shows a moving disc at the time at which it is updated, one sample for a "
+    "whole shutter; the filtered error compares with exact motion blur, after a Gaussian of 1.5 pixels."
 )
 
 
@@ -159,13 +158,14 @@ BALL_3_5 = scenes.ball([[0.05, 0.2], [0.75, 0.95]], [[0.95, 0.5], [0.25, 0.75]],
 STILL_SPP = 4
 
 NOTE_3_5 = (
-    "The scene is ours: a disc that crosses the picture, jumps, and crosses again. {spp} samples per pixel, "
-    "{side} x {side} pixels, gray values from 0 to the highest. Positions inside the pixel are "
-    "Owen-scrambled in each pixel but in the accumulation buffer, where all pixels have the same. 'filtered' "
-    "is the RMS error after a Gaussian of 1.5 pixels, about what an eye sees. The last two: the disc before "
-    "a zone plate, random samples. Where the disc passes, all {spp} samples shade the zone plate, too, and "
-    "it has less noise there than beside, where 4 are taken; the variance invariant method takes 4 in both. "
-    "Its noise is measured between keys where the disc covers 0.5 to 30 %, over that of 4 samples alone."
+    "The scene is ours: a disc that crosses the picture, jumps, and crosses again. {spp} samples per "
+    "pixel, {side} x {side} pixels, grey values from 0 to the highest. Positions inside the pixel are "
+    "Owen-scrambled per pixel, but shared by all pixels in the accumulation buffer. 'filtered' is the "
+    "RMS error after a Gaussian of 1.5 pixels, about what the eye sees. The last two: the disc in front "
+    "of a zone plate, random samples. Where the disc passes, all {spp} samples also shade the zone "
+    "plate, which has less noise there than elsewhere, with 4 samples; the variance invariant method "
+    "takes 4 in both. Noise is measured between keys where the disc covers 0.5 to 30 %, relative to 4 "
+    "samples alone."
 )
 
 

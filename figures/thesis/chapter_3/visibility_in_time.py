@@ -39,14 +39,13 @@ RATIO = "variance of sampled over analytic visibility"
 ASKED = 4.0
 
 NOTE = (
-    "One random sample in each of {side} x {side} pixels, {turns} turns of both ways one after the other: "
-    "variances of samples within pixels, and medians of times of images, not compiling. Variance at equal "
-    "time is variance times time, as of independent samples; stratified times would favour sampling. The "
-    "blurred part are pixels in which the ray through the middle sees more than one primitive at {times} "
-    "times; times are those of the whole image. Sampling is cheap here: one instruction tests a primitive "
-    "against many rays, while each tile of rays takes all steps that any of its rays needs to find its "
-    "intervals. In the Cornell box highlights and shadows move: more times of shading pay off there. Drafts "
-    "are small and say little."
+    "One random sample in each of {side} x {side} pixels, {turns} alternating runs of both methods: "
+    "variances within pixels, and median times per image without compilation. Variance at equal time is "
+    "variance times time, as for independent samples; stratified times would favour sampling. The "
+    "blurred part: pixels whose central ray sees more than one primitive at {times} times; times are "
+    "those of the whole image. Sampling is cheap here: one instruction tests a primitive against many "
+    "rays, while a tile of rays takes all steps that any of its rays needs for its intervals. In the "
+    "Cornell box highlights and shadows move, so more shading times pay off."
 )
 
 

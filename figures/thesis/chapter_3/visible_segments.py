@@ -29,12 +29,12 @@ AWAY = 99.0
 """Where triangles are that are not there."""
 
 NOTE = (
-    f"Above, the distances along one ray of {CANDIDATES} triangles that move linearly, while it hits them; "
-    f"dashed where what is seen changes. Below, what is seen, by visible_intervals: at {TIMES} times it is "
-    f"what is nearest by nearest_hit. On the right, intervals that {{rays}} rays see of {TRIANGLES} random "
-    f"triangles, by the number m of those that they hit at any of {DENSE} times: rays in the middle hit "
-    "most, and are covered by near ones for long. The thesis's worst case of O(m^2) is of events, ends and "
-    "crossings, that may be seen; of these here at most {ratio:.1f} m are."
+    f"Above: distances of {CANDIDATES} linearly moving triangles along one ray while it hits them; "
+    "dashed lines where the visible one changes. Below: the visible triangle by visible_intervals, "
+    f"which at {TIMES} times agrees with nearest_hit. Right: number of visible intervals of {{rays}} "
+    f"rays through {TRIANGLES} random triangles, over the number m of triangles that they hit at any of "
+    f"{DENSE} times. The thesis's worst case is O(m^2) events, ends and crossings; here at most "
+    f"{{ratio:.1f}} m are visible."
 )
 
 

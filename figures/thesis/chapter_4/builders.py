@@ -29,14 +29,14 @@ EMBREE = find_spec("embreex") is not None
 SAH, CENTRES = "surface area heuristic", "2-means of centres"
 
 NOTE = (
-    "Summed areas and nodes of {side} x {side} primary rays relative to the tree of the surface area "
-    "heuristic; one triangle a leaf. All but the last two ways take the split with the least c(j) of Eq. 4.1 "
-    "that they look at: of three axes, of one curve, of two pairs of clusters. 2-means is with the metric "
-    "for boxes; 'of centres' clusters these as points. Quadratic splits look at all pairs of boxes, which is "
-    f"too much for more than {QUADRATIC} of them; 'filled' keeps 40 % of the boxes in either group. The fan: "
+    f"Summed areas and nodes of {{side}} x {{side}} primary rays relative to the tree of the surface "
+    "area heuristic; one triangle a leaf. All but the last two builders take the split of least c(j), "
+    "Eq. 4.1, among their candidates: along three axes, along one curve, or of two pairs of clusters. "
+    "2-means uses the metric for boxes; 'of centres' clusters points. Quadratic splits try all pairs of "
+    f"boxes, feasible for at most {QUADRATIC}; 'filled' keeps 40 % of the boxes in each group. The fan: "
     f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
-    "splits is {depth} levels deep, by the heuristic {least}. Embree's time of a ray, one core, is for the "
-    "same primary rays with its own tree, a mark for how hard a mesh is.{embree}"
+    f"splits is {{depth}} levels deep, by the heuristic {{least}}. Embree's time per ray (one core, same "
+    f"primary rays, its own tree) shows how hard a mesh is.{{embree}}"
 )
 
 

@@ -19,12 +19,11 @@ PRINTED = {
 }
 
 NOTE = (
-    "Enumerated one by one, up to {largest} leaves: the shapes of ordered binary trees, and the trees over "
-    "numbered leaves whose children have no order, each of which is 2^(m - 1) trees with one. What the "
-    "thesis searches is the third row, which bounds what has to be looked at: mirrored trees have the same "
-    "area, so that the fourth row would do. The thesis asks for an easy way to leave them out; here the "
-    "least sum of each subset of leaves is found once, from the sums of smaller ones, by the number of "
-    "splits in the last row."
+    "Enumerated up to {largest} leaves: shapes of ordered binary trees, and trees over numbered leaves "
+    "with unordered children, each of which corresponds to 2^(m - 1) ordered ones. The thesis searches "
+    "the third row; mirrored trees have the same area, so the fourth row suffices. The thesis asks for "
+    "an easy way to skip mirrored trees; here the least sum of each subset of leaves is computed once "
+    "from those of smaller ones, with the number of splits in the last row."
 )
 
 

@@ -90,14 +90,15 @@ STYLES = {
 }
 
 NOTE = (
-    "Linear motion between times, two or, for the helicopter, {knots}: its rotors turn 2.25 times. The "
-    "ground and the terrain are still. Expected nodes are summed areas over the area of the box of all "
-    "at all times: means over lines spread evenly in space and time. Visited nodes: {side} x {side} primary "
-    "rays, each at a time of its own. Boxes count once for each time or part that they are stored for. "
-    "Interpolated boxes are stored for all times; 'half-way' has the tree of the triangles in the middle "
-    "of the shutter. Its parts, 2 to {parts}, have a tree each (Eq. 4.7). Triangles split in time have "
-    "up to {most} parts, of 1 / kappa of the area or less if these do, in one tree over boxes in space and "
-    "time, each area times its duration. In the hail a small triangle flies along the diagonal of all."
+    "Linear motion between two times, for the helicopter {knots}: its rotors turn 2.25 times. The "
+    "ground and the terrain are still. Expected nodes: summed areas relative to the area of the scene's "
+    "box over all times, the mean over lines spread evenly in space and time. Visited nodes: {side} x "
+    "{side} primary rays, each at a time of its own. A box counts once per stored time or part. "
+    "Interpolated boxes are stored for all times; 'half-way' uses the tree for the middle of the "
+    "shutter. Each of the 2 to {parts} parts of the shutter has its own tree (Eq. 4.7). Triangles split "
+    "in time have up to {most} parts, with at most 1 / kappa of the area if that is enough, in one tree "
+    "over boxes in space and time, areas weighted by duration. In the hail a small triangle flies along "
+    "the scene's diagonal."
 )
 
 

@@ -44,18 +44,17 @@ ROWS = (
 )
 
 NOTE_4_2 = (
-    "One triangle a leaf; areas in units of the root's, so that the summed area is the mean number of nodes "
-    "that lines spread evenly over those through the root visit. Nodes that rays visit: {side} x {side} "
-    "primary rays, and diffuse ones from where these hit; seconds of a processor, in NumPy. The area falls "
-    "as the thesis finds it where triangles are of many sizes, as in models of buildings, and little where "
-    "they are of about one, as its Buddha's are. It finds the frame rate for primary rays to grow about in "
-    "proportion to what the area falls by. 'About' is a factor of 2 between both reductions here, and they "
-    "are farther apart on most meshes: primary rays come from one place and end at their hits, so that what "
-    "they visit may fall by more or less, or grow. The first way of Sect. 4.1.2 builds trees over optimal "
-    "subtrees of up to 8 boxes, over and over. That the result is never worse than the tree before holds for "
-    "boxes that are spread evenly, but not for those on several scales: each build is greedy, and no longer "
-    "knows how many boxes are in a subtree ({sets} sets of each kind). The second way, of the table, takes "
-    "the best arrangement in place, so that the sum cannot grow."
+    "One triangle a leaf; areas relative to the root, so that the summed area is the mean number of "
+    "nodes visited by lines spread evenly through the root. Nodes visited: by {side} x {side} primary "
+    "rays, and diffuse ones from their hits; processor seconds in NumPy. As in the thesis, the area "
+    "falls for triangles of many sizes, as in buildings, and little for triangles of similar size, as "
+    "in the Buddha. The thesis finds that the frame rate of primary rays grows about in proportion. "
+    "Here 'about' means within a factor of 2, which most meshes miss: primary rays start in one place "
+    "and end at their hits. The first method of Sect. 4.1.2 repeatedly builds trees over optimal "
+    "subtrees of up to 8 boxes. It never makes the tree worse for evenly spread boxes, but can for "
+    "boxes on several scales: each build is greedy, and ignores how many boxes are in a subtree ({sets} "
+    "sets of each kind). The second method, that of the table, optimises in place, so that the sum "
+    "cannot grow."
 )
 
 
@@ -213,13 +212,12 @@ PRINTED_4_3 = {
 }
 
 NOTE_4_3 = (
-    "Areas in units of the root's; each reduction is that of one run, of the area before it, as printed. "
-    "'10 levels': only below nodes of the ten levels next to the root, at most 1023 subtrees of up to 8 "
-    "leaves. Nodes by {side} x {side} primary rays. The thesis's mesh has some millions of triangles, ours "
-    "{fewest} to {most}. 'until nothing "
-    "changes': runs over all levels of the tree over {small} random boxes. Below each node then the subtree "
-    "over the nodes that are opened is optimal, as the thesis conjectures; not every other subtree with as "
-    "many leaves needs to be."
+    "Areas relative to the root; each reduction is relative to the area before the run, as printed. '10 "
+    "levels': only below nodes of the ten levels next to the root, at most 1023 subtrees of up to 8 "
+    "leaves. Nodes by {side} x {side} primary rays. The thesis's mesh has some millions of triangles, "
+    "ours {fewest} to {most}. 'until nothing changes': runs over all levels of a tree over {small} "
+    "random boxes. At the end the subtree opened below each node is optimal, as the thesis conjectures; "
+    "other subtrees with as many leaves need not be."
 )
 
 

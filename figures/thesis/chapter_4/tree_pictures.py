@@ -21,11 +21,11 @@ SIDE_4_1 = {"draft": 48, "paper": 288}
 
 NOTE_4_1 = (
     "{side} x {side} rays through pixel centres; a node counts if its box is entered on the way to the "
-    "nearest hit, nearer children first; one triangle a leaf. The tree is that of the surface area heuristic "
-    "by an exact sweep, then one run over the whole tree with subtrees of up to 8 leaves. Both images of a "
-    "mesh have the same scale; in the difference grey is the same number, black is fewer after. The thesis "
-    "shows one pair of images as the improvement. Ours get darker in some places and brighter in others: "
-    "what moves up in the tree is visited by rays that did not visit it before."
+    "nearest hit, nearer children first; one triangle a leaf. The tree is that of the surface area "
+    "heuristic by an exact sweep, then one run over the whole tree with subtrees of up to 8 leaves. "
+    "Both images of a mesh share a scale. The thesis shows one pair of images as the improvement. Ours "
+    "get darker in some places and brighter in others: nodes that move up in the tree are visited by "
+    "more rays."
 )
 
 
@@ -90,16 +90,14 @@ THICK = 0.02
 """Of the boxes, across the plane of the drawing."""
 
 NOTE_4_2 = (
-    "The thesis prints no coordinates; both examples are ours, of small boxes on a plane, as of tessellated "
-    "ellipses, whose centres are clustered from {keys} random pairs of first means. The cost is Eq. 4.1 "
-    "over the "
-    "same for one box of all; areas are over that of all, too. First: A lies in a corner of the box of B, "
-    "and has as many boxes; if it has three times as many, the cost is least for A and B, too. Second: "
-    "two ellipses longer than their distance, with the norm of the "
-    "largest coordinate. The thesis blames first means that are placed badly, but no pair finds the ellipses "
-    "then: in this norm the ends of an ellipse are as far from the other one's mean as from its own. With "
-    "the Euclidean norm {euclid:.0%} of the pairs do; and if the ellipses are shorter than their distance, "
-    "all pairs do with either norm."
+    "The thesis prints no coordinates; both examples are ours: small boxes in a plane, as of "
+    "tessellated ellipses, clustered by their centres from {keys} random pairs of seeds. Cost (Eq. 4.1) "
+    "and areas are relative to one box for all. First: A lies in a corner of the box of B and has as "
+    "many boxes; with three times as many, the cost is also least for A and B. Second: two ellipses "
+    "longer than their distance, with the maximum norm. The thesis blames badly placed seeds, but no "
+    "pair separates the ellipses: in this norm the ends of an ellipse are as far from the other mean as "
+    "from its own. With the Euclidean norm {euclid:.0%} of the pairs do; if the ellipses are shorter "
+    "than their distance, all pairs do with either norm."
 )
 
 

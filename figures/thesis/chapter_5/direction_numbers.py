@@ -34,14 +34,13 @@ ALONG, OVER = "along the Hilbert curve", "over the screen"
 COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
 
 NOTE = (
-    "For the thesis's car seat behind a glass pane stands scenes.soft_shadow, {side} x {side} pixels and "
-    "{spp} samples per pixel: the pixel takes components 0 and 1, the light two that follow each other, as "
-    "at the end of a path that used up those before. Polynomials are the same on both sides; the thesis's "
-    "initial numbers are those of Joe and Kuo's table of 2003, these of their table of 2008. The sequence "
-    "runs along a Hilbert curve, pixel by pixel, or over the screen, each pixel with the points that fall "
-    "into it, also with other numbers of samples; the thesis does not say which. Intervals are those of the "
-    "means of logarithms over the components. 'filtered' is the RMS error after a Gaussian of 1.5 pixels, "
-    "what an eye sees. t is that of the first 4096 points of pairs that follow each other."
+    "scenes.soft_shadow stands in for the thesis's car seat behind glass, {side} x {side} pixels and "
+    "{spp} samples per pixel: the pixel uses components 0 and 1, the light two consecutive ones, as at "
+    "the end of a path. Polynomials are the same on both sides; the thesis uses Joe and Kuo's initial "
+    "numbers of 2003, we those of 2008. The sequence runs along a Hilbert curve, or over the screen, "
+    "with each pixel taking the points that fall into it; the thesis does not say which. Intervals are "
+    "of geometric means over components. 'filtered' is the RMS error after a Gaussian of 1.5 pixels, "
+    "about what the eye sees. t is that of the first 4096 points of consecutive pairs."
 )
 
 

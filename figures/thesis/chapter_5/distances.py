@@ -46,11 +46,10 @@ LABELS = {"optimised matrices": "our optimised matrices"}
 STYLES = {"permutation, not sheared": plot.Style("C1", "x", ":")}
 NOTE = (
     "Squared distances on the integer grid. Permutation nets of even m: with the sheared tiling, whose "
-    "rows are shifted by 2**(m - 2); the plain torus gives the column 'permutation, not sheared'. For m = 2 "
-    "it is the Hammersley net: the construction starts at m = 4. Optimised matrices are from our own "
-    "search: for odd m from 9 on they have larger distances than the printed ones. The right panel, which "
-    "the thesis does not have, shows distances over sqrt(2 / (sqrt(3) n)), those of the densest packing of n "
-    "points: on this scale the differences are seen."
+    "rows are shifted by 2**(m - 2); 'not sheared' is on the plain torus. m = 2 is the Hammersley net: "
+    "the construction starts at m = 4. Optimised matrices are from our search; for odd m from 9 on they "
+    "have larger distances than the printed ones. The right panel, ours, shows distances relative to "
+    "sqrt(2 / (sqrt(3) n)), the densest packing of n points."
 )
 
 

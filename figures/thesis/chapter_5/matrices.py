@@ -89,8 +89,9 @@ NETS_5_7 = {
     "rank-1 lattice": lambda m: sequences.rank1_lattice(2**m, 2),
 }
 NOTE_5_7 = (
-    "Each (0,2)-sequence in base 2 has C_1 = L_1 U and C_2 = L_2 P U, P Pascal's triangle modulo 2, L lower "
-    "and U upper triangular. The last come from a search. In print they are pictures: these are others."
+    "Each (0,2)-sequence in base 2 has C_1 = L_1 U and C_2 = L_2 P U, P Pascal's triangle modulo 2, L "
+    "lower and U upper triangular. The last pair is from our search, not that of the thesis, which is "
+    "only printed as a picture."
 )
 
 
@@ -169,9 +170,9 @@ SEQUENCES = {
     "searched sequence": sequences.optimized_sequence,
 }
 NOTE_5_9 = (
-    "The searched nets have a pair of matrices for each m; those of the searched sequence share one. Their "
-    "distances are what analysis.search_matrices reached, not known maxima. The figure goes to m = 14, and "
-    "to 16 in paper quality."
+    "The searched nets have a pair of matrices for each m; the searched sequence has one pair for all. "
+    "Distances are those that analysis.search_matrices reached, not known maxima. The claim about small "
+    "m compares the matrices searched for m = 13, of which no curve is drawn."
 )
 
 

@@ -140,10 +140,10 @@ def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure
 M_5_15 = 5
 CASES = {5: "a", 4: "b", 3: "b", 2: "d", 1: "d", 0: "c"}
 NOTE = (
-    "Each panel shades a strip of intervals that the proof compares in one step, its points in orange. In "
-    "print, two formulas of the proof have the floor of m/2 for the ceiling: the range of r in case (c), "
-    "which numbers 2**ceil(m/2) points on a diagonal, and Eq. 5.42, whose right side is that of "
-    "2 (2**ceil(m/2) / 2)**2."
+    "Each panel shades a strip of intervals that the proof compares in one step, with its points in "
+    "orange. Two printed formulas have the floor of m/2 instead of the ceiling: the range of r in case "
+    "(c), which numbers 2**ceil(m/2) points on a diagonal, and Eq. 5.42, which should be 2 "
+    "(2**ceil(m/2) / 2)**2."
 )
 
 

@@ -73,8 +73,8 @@ FEW = 8
 """Samples per pixel up to which there are few."""
 
 WHY_6_6 = (
-    " On 256 x 256 pixels full-screen and rotated nets are within 7 % of each other at 2 to 64 samples, but "
-    "the strongest waves are 43 to 110 over the full screen, against 9 to 12."
+    " On 256 x 256 pixels full-screen and rotated nets differ by at most 7 % at 2 to 64 samples, but "
+    "full-screen nets have strongest waves of 43 to 110, rotated ones of 9 to 12."
 )
 """Of the sentences that do not hold."""
 
@@ -133,8 +133,8 @@ def _claims_6_7(sets: motion_blur.Sets) -> Claims:
 
 
 WHY_6_8 = (
-    " Up to 32 samples lattice and rotated nets are close, in favour of one or the other; from 64 on the "
-    "lattice is behind. Which of the full-screen nets is better differs from count to count."
+    " Up to 32 samples the lattice and the rotated nets are close; from 64 on the lattice has more "
+    "error. The better of the full-screen nets varies with the count."
 )
 """How narrowly sentences hold."""
 

@@ -11,7 +11,7 @@ from figures.catalogue import NO_DRAFT, PAPERS
 from figures.making import store
 from figures.page import _ledger
 from figures.page._html import PARTS, png_size, quantity, script_safe
-from figures.page._ledger import measurement, said
+from figures.page._ledger import measurement, small_print
 
 VIEWER = """
 <section class="viewer" aria-label="Images of $name side by side" data-name="$name" data-title="$title">
@@ -83,7 +83,7 @@ THUMBNAIL = '<img class="thumbnail" src="$name.webp" alt="" loading="lazy">'
 
 CLAIMS = '<details class="claims"><summary>$count</summary></details>'
 
-CLAIM = '<li><b class="$verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$said</li>'
+CLAIM = '<li><b class="$verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$small_print</li>'
 
 MADE = """\
 <details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>"""
@@ -109,7 +109,7 @@ NOT_MADE = """\
 <p class="note">Not in this folder: <code>$command</code> makes it$why.</p>"""
 
 
-class Shown(NamedTuple):
+class Figure(NamedTuple):
     """A figure, whether it is in the folder or not."""
 
     name: str
@@ -122,7 +122,7 @@ class Shown(NamedTuple):
     """Whether the last run could not make it anew."""
 
 
-def part(folder: Path, name: str, figures: Sequence[Shown], counted: Mapping[str, int]) -> Markup:
+def part(folder: Path, name: str, figures: Sequence[Figure], counted: Mapping[str, int]) -> Markup:
     """Return the content of the page of a paper with counts of its verdicts, or of our own figures."""
     return fill(
         PART,
@@ -148,11 +148,11 @@ def thumbnail(folder: Path, name: str) -> Markup:
     return fill(THUMBNAIL if made else '<span class="thumbnail"></span>', name=name)
 
 
-def _count_verdicts(figure: Shown) -> dict[str, int]:
+def _count_verdicts(figure: Figure) -> dict[str, int]:
     return _ledger.counts(finding.verdict for finding in figure.findings)
 
 
-def _marks(figure: Shown) -> Markup:
+def _marks(figure: Figure) -> Markup:
     mark = '<i class="$verdict" title="$verdict">$sign$count</i>'
     return join(
         fill(mark, verdict=verdict, sign=_ledger.VERDICTS[verdict][0], count=count)
@@ -160,14 +160,14 @@ def _marks(figure: Shown) -> Markup:
     )
 
 
-def _figure(folder: Path, figure: Shown) -> Markup:
+def _figure(folder: Path, figure: Figure) -> Markup:
     name = figure.name
     shown = {"images": "", "made": "", "moving": ""}
     if figure.entry is None:
         shown["picture"] = not_made(name)
     else:
         try:
-            shown |= _whole(folder, figure, figure.entry)
+            shown |= _content(folder, figure, figure.entry)
         except _ledger.UNREADABLE as error:
             shown["picture"] = fill(DAMAGED, command=command(name), error=type(error).__name__)
     return fill(
@@ -182,7 +182,7 @@ def _figure(folder: Path, figure: Shown) -> Markup:
     )
 
 
-def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, Markup]:
+def _content(folder: Path, figure: Figure, entry: Mapping[str, Any]) -> dict[str, Markup]:
     name, title, images = figure.name, figure.title, entry.get("images")
     details(name, entry)  # Or raise.
     table = Markup("")
@@ -197,21 +197,21 @@ def _whole(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> dict[str, M
     }
 
 
-def _badges(figure: Shown) -> Markup:
+def _badges(figure: Figure) -> Markup:
     draft = figure.entry is not None and figure.entry.get("quality") == "draft"
-    told = [
+    badges = [
         ("our scene", "A stand-in: the scene of the paper is not published", figure.our_scene),
         ("draft", "Small and quick: --quality paper makes it in full", draft),
         ("not up to date", "It failed when it was last made", figure.failed),
     ]
     return join(
         fill('<span class="badge" title="$why">$badge</span>', badge=badge, why=why)
-        for badge, why, applies in told
+        for badge, why, applies in badges
         if applies
     )
 
 
-def claims(figure: Shown) -> Markup:
+def claims(figure: Figure) -> Markup:
     """Return what a figure found out about each claim, for the list that is made when claims are unfolded."""
     return join(
         fill(
@@ -220,9 +220,9 @@ def claims(figure: Shown) -> Markup:
             word=_ledger.word(finding.verdict),
             claim=finding.claim.claim,
             place=finding.claim.place,
-            draft=f"; draft {draft}" if draft in ("contradicts", "too small") else "",
+            draft=f"; draft {draft}" if draft in ("contradicts", "too small to tell") else "",
             measured=_paragraph(measurement(finding)),
-            said=join(said(finding.claim)),
+            small_print=join(small_print(finding.claim)),
         )
         for finding in figure.findings
         for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
@@ -233,7 +233,7 @@ def _paragraph(text: Markup) -> Markup:
     return fill("<p>$text</p>", text=text) if text.strip() else Markup("")
 
 
-def picture(folder: Path, figure: Shown) -> Markup:
+def picture(folder: Path, figure: Figure) -> Markup:
     """Return a figure's picture, which fits the page until it is enlarged, or that it is not there."""
     file = f"{figure.name}.png"
     size = png_size(folder / file)
@@ -242,7 +242,7 @@ def picture(folder: Path, figure: Shown) -> Markup:
     return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=figure.title)
 
 
-def _moving(folder: Path, figure: Shown, entry: Mapping[str, Any]) -> Markup:
+def _moving(folder: Path, figure: Figure, entry: Mapping[str, Any]) -> Markup:
     """Return the moving picture that a figure handed out, which plays once it is opened; nothing for none."""
     if FRAMES not in entry.get("files", ()):
         return Markup("")

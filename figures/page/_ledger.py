@@ -28,14 +28,14 @@ Drafts = Mapping[tuple[str | None, str | None], str]
 """By figure and key of a claim: whether a draft agrees with the verdict in paper quality, or is alone."""
 
 
-class Assessed(NamedTuple):
+class Assessment(NamedTuple):
     findings: list[ledger.Finding]
     drafts: Drafts
     outdated: list[str]
     """Figures that are there, but whose numbers do not have what the ledger looks for."""
 
 
-def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
+def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessment:
     """Return what came out of all claims; those that cannot be read count as missing.
 
     A folder's own paper quality comes first, then what is stored with the ledger, then drafts.
@@ -53,14 +53,14 @@ def assess(entries: Mapping[str, Mapping[str, Any]]) -> Assessed:
         if draft and claim.question is None:
             drafts[claim.figure, claim.key] = _compare(found.verdict, kept.verdict)
     missing = {finding.claim.figure for finding in here if finding.verdict == "missing"}
-    return Assessed(findings, drafts, [name for name in entries if name in missing])
+    return Assessment(findings, drafts, [name for name in entries if name in missing])
 
 
 def _compare(draft: str, paper: str) -> str:
     """Return what a draft's verdict says about that in paper quality."""
     if paper in ("missing", draft):
         return "alone" if paper == "missing" else "agrees"
-    return "contradicts" if {draft, paper} == {"reproduced", "differs"} else "too small"
+    return "contradicts" if {draft, paper} == {"reproduced", "differs"} else "too small to tell"
 
 
 def _readable(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
@@ -84,7 +84,7 @@ def counts(verdicts: Iterable[str]) -> dict[str, int]:
     return {verdict: counted[verdict] for verdict in VERDICTS if counted[verdict]}
 
 
-def of_paper(findings: Iterable[ledger.Finding], paper: str = "") -> dict[str, int]:
+def count_verdicts(findings: Iterable[ledger.Finding], paper: str = "") -> dict[str, int]:
     """Return counts of the verdicts about a paper, or all: no questions of our own, none missing."""
     return counts(
         finding.verdict
@@ -170,7 +170,7 @@ def section(findings: Sequence[ledger.Finding], drafts: Drafts | None = None) ->
     made = [finding for finding in findings if finding.verdict not in ("missing", "ours")]
     ours = [finding for finding in findings if finding.verdict == "ours"]
     rest = len(findings) - len(made) - len(ours)
-    counted = of_paper(findings)
+    counted = count_verdicts(findings)
     made.sort(key=lambda finding: (*LEADING, finding.verdict).index(finding.verdict))
     heads = '<th scope="col" aria-sort="none"><button type="button">$column</button></th>'
     return fill(
@@ -210,26 +210,26 @@ def _row(finding: ledger.Finding, drafts: Drafts) -> Markup:
     """
     claim = finding.claim
     draft = drafts.get((claim.figure, claim.key), "agrees")
-    told = {"agrees": "", "alone": "draft"}.get(draft, f"this draft: {draft}")
+    note = {"agrees": "", "alone": "draft"}.get(draft, f"this draft: {draft}")
     lines = {"reproduced": 0, "depends": 0, "by-test": 1}.get(finding.verdict, 2)
     return fill(
         ROW,
         verdict=finding.verdict,
         paper=NAMES.get(claim.paper, claim.paper),
         place=claim.place,
-        claim=join([fill("$claim", claim=claim.claim), *said(claim)[:lines]]),
+        claim=join([fill("$claim", claim=claim.claim), *small_print(claim)[:lines]]),
         word=word(finding.verdict),
-        draft=fill("<small>$told</small>", told=told) if told else Markup(""),
+        draft=fill("<small>$note</small>", note=note) if note else Markup(""),
         measured=measurement(finding)
         if lines
         else cases(finding.cases)
         if finding.verdict == "depends"
         else "",
-        shown=_shown(claim),
+        shown=_evidence(claim),
     )
 
 
-def said(claim: ledger.Claim) -> list[Markup]:
+def small_print(claim: ledger.Claim) -> list[Markup]:
     """Return the paper's own words, and what is taken for reproduced."""
     small = {
         "“$text”": (claim.sentence or "").replace(" ... ", " … "),
@@ -255,7 +255,7 @@ def cases(held: Mapping[str, bool | str]) -> Markup:
     )
 
 
-def _shown(claim: ledger.Claim) -> Markup:
+def _evidence(claim: ledger.Claim) -> Markup:
     if claim.figure is not None:
         return fill('<a href="$place">$figure</a>', place=href(claim.figure), figure=claim.figure)
     if claim.test is None:

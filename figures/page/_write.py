@@ -11,7 +11,7 @@ from figures._markup import Markup, fill, join
 from figures.catalogue import Entry
 from figures.making import store
 from figures.page import _figures, _ledger
-from figures.page._figures import Shown, not_made, picture
+from figures.page._figures import Figure, not_made, picture
 from figures.page._html import PAGES, PARTS, href, order, part_of, quantity, static
 from figures.page._ledger import bar, summary
 
@@ -86,7 +86,7 @@ STEP = """
 """
 
 
-def tour(folder: Path, figures: Mapping[str, Shown]) -> Markup:
+def tour(folder: Path, figures: Mapping[str, Figure]) -> Markup:
     """Return those of the pictures that are here."""
     steps = [
         fill(
@@ -160,7 +160,7 @@ def files(
     """Return the pages and what they load, by names of files."""
     assessed = _ledger.assess(entries)
     figures = {
-        name: Shown(
+        name: Figure(
             name,
             entry.title,
             entries.get(name),
@@ -174,7 +174,7 @@ def files(
     parts = {part: [figure for figure in figures.values() if part_of(figure.name) == part] for part in PARTS}
     for part in parts.keys() - {"ours"}:
         parts[part].sort(key=lambda figure: order(figure.name))
-    counts = {paper: _ledger.of_paper(assessed.findings, paper) for paper in ledger.PAPERS}
+    counts = {paper: _ledger.count_verdicts(assessed.findings, paper) for paper in ledger.PAPERS}
     mains = {
         "index": _front(folder, figures, parts, counts, assessed, failed),
         "ledger": _ledger.section(assessed.findings, assessed.drafts),
@@ -200,7 +200,7 @@ def _page(folder: Path, name: str, main: Markup) -> Markup:
     return fill(static("page.html"), title=PAGES[name], nav=nav, main=main)
 
 
-def _numbers(figures: Iterable[Shown]) -> str:
+def _numbers(figures: Iterable[Figure]) -> str:
     """Return the script that a page loads when claims or numbers are unfolded: disks serve no JSON."""
     found: dict[str, dict[str, Any]] = {}
     for figure in figures:
@@ -212,17 +212,17 @@ def _numbers(figures: Iterable[Shown]) -> str:
 
 def _front(
     folder: Path,
-    figures: Mapping[str, Shown],
-    parts: Mapping[str, list[Shown]],
+    figures: Mapping[str, Figure],
+    parts: Mapping[str, list[Figure]],
     counts: Mapping[str, Mapping[str, int]],
-    assessed: _ledger.Assessed,
+    assessed: _ledger.Assessment,
     failed: Collection[str],
 ) -> Markup:
     """Return what a visitor sees first: samplers, their use, what the papers claim, and where all is."""
     return fill(
         static("front.html"),
         hero=_hero(folder, figures),
-        told=_warnings(failed, assessed.outdated),
+        warnings=_warnings(failed, assessed.outdated),
         papers=join(
             fill(
                 PAPER,
@@ -256,7 +256,7 @@ def _front(
     )
 
 
-def _hero(folder: Path, figures: Mapping[str, Shown]) -> Markup:
+def _hero(folder: Path, figures: Mapping[str, Figure]) -> Markup:
     """Return the playground, or three samplers at as many samples as a slider says, or another picture."""
     slider, hero = figures.get(SLIDER), figures.get(HERO)
     with suppress(*_ledger.UNREADABLE):
@@ -276,7 +276,7 @@ def _which(folder: Path) -> Markup:
     return Markup(file.read_text(encoding="utf-8")) if file.is_file() else not_made(SLIDER)
 
 
-def _state(figures: Mapping[str, Shown]) -> str:
+def _state(figures: Mapping[str, Figure]) -> str:
     """Return how many figures there are of the papers, and of our own."""
     made = [figure.name for figure in figures.values() if figure.entry is not None]
     of_papers = [name for name in figures if part_of(name) != "ours"]

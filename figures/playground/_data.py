@@ -43,7 +43,7 @@ class Blob:
             self._data += data
         return self._known[data]
 
-    def packed(self, described: Mapping[str, Any]) -> str:
+    def pack(self, described: Mapping[str, Any]) -> str:
         """Return base64 of what is compressed: the length of the JSON in 4 bytes, the JSON, the arrays."""
         head = json.dumps(described, separators=(",", ":")).encode()
         data = len(head).to_bytes(4, "little") + head + self._data
@@ -73,7 +73,7 @@ class Programs:
         known: Known = []
         for count in counts:
             try:
-                made = [self._made(make, count, key, max(counts)) for key in keys]
+                made = [self._make(make, count, key, max(counts)) for key in keys]
                 found["dims"] = min(made[0].dims, most_dims)
                 programs: Any = [self._program(each, found["dims"], known) for each in made]
             except Exception as error:  # The samplers of users raise what they like.
@@ -81,7 +81,7 @@ class Programs:
             found["programs"].append(programs)
         return found
 
-    def _made(self, make: Maker, count: int, key: int, most: int) -> Sampler:
+    def _make(self, make: Maker, count: int, key: int, most: int) -> Sampler:
         sampler = make(count, key)
         sampler.check(self._side, self._side, count)
         return sampler.up_to(min(most, sampler.limits[2]))
@@ -135,7 +135,7 @@ def playground(
     blob, worlds = Blob(), []
     for name, (scene, reference) in scenes.items():
         try:
-            worlds.append({"id": slug(name), "name": name} | _described(scene, reference, blob))
+            worlds.append({"id": slug(name), "name": name} | _describe(scene, reference, blob))
         except ValueError as error:
             left_out[name] = str(error)
     programs, samplers = Programs(side, blob), []
@@ -159,10 +159,10 @@ def playground(
         "scenes": worlds,
         "texts": programs.texts,
     }
-    return Playground(f'window.playgroundData = "{blob.packed(data)}";\n', left_out)
+    return Playground(f'window.playgroundData = "{blob.pack(data)}";\n', left_out)
 
 
-def _described(scene: Any, reference: NDArray[np.float64], blob: Blob) -> dict[str, Any]:
+def _describe(scene: Any, reference: NDArray[np.float64], blob: Blob) -> dict[str, Any]:
     """Return the number of coordinates of a scene, its function, and where its exact image is.
 
     Raises ValueError if its values are colours or not in [0, 1], or the scene cannot be translated.
@@ -172,10 +172,10 @@ def _described(scene: Any, reference: NDArray[np.float64], blob: Blob) -> dict[s
     if reference.min() < 0 or reference.max() > 1:
         raise ValueError("its values are not in [0, 1]")
     text = str(source(scene, language="glsl", name="scene"))
-    return {"needs": len(scene.needs), "text": text} | _exact(reference, blob)
+    return {"needs": len(scene.needs), "text": text} | _exact_image(reference, blob)
 
 
-def _exact(reference: NDArray[np.float64], blob: Blob) -> dict[str, Any]:
+def _exact_image(reference: NDArray[np.float64], blob: Blob) -> dict[str, Any]:
     """Return an image as levels, or as columns and rows whose products add up to it."""
     columns, sizes, rows = np.linalg.svd(reference, full_matrices=False)
     columns = (columns * sizes)[:, :MOST_FACTORS]
@@ -197,7 +197,7 @@ DIMS = 4
 START = {"left": RIVALS["random"].name, "right": RIVALS["z"].name, "scene": "soft shadow", "spp": 4}
 
 
-def made(name: str, side: int, count: int, key: int) -> samplers.Sampler:
+def make_sampler(name: str, side: int, count: int, key: int) -> samplers.Sampler:
     """Return one of the samplers."""
     return SAMPLERS[name].make(DIMS, side, side, count, key)
 
@@ -206,5 +206,5 @@ def ours(side: int) -> Playground:
     """Return the playground with our samplers, for square images."""
     worlds = {name: make() for name, make in SCENES.items()}
     exact = {name: (scene, scene.reference(side, side)[0]) for name, scene in worlds.items()}
-    makers = {name: partial(made, name, side) for name in SAMPLERS}
+    makers = {name: partial(make_sampler, name, side) for name in SAMPLERS}
     return playground(makers, exact, side, COUNTS, start=START)

@@ -9,7 +9,7 @@ from functools import cache
 import jax
 import numpy as np
 
-from figures.playground import SCENES, made, ours
+from figures.playground import SCENES, make_sampler, ours
 
 SIDE = 128
 
@@ -48,7 +48,7 @@ def _points(name, spp, key, side):
     """Return the points of all samples, float32 (spp, pixels, 4)."""
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
     program = jax.jit(lambda sampler, sample: sampler(x, y, sample, (0, 1, 2, 3)))
-    sampler = made(name, side, spp, key)
+    sampler = make_sampler(name, side, spp, key)
     return np.stack([np.asarray(program(sampler, np.uint32(sample))) for sample in range(spp)])
 
 

@@ -194,13 +194,16 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     assessed = page.assess(entries)
     assert [each.verdict for each in assessed.findings[:4]] == ["reproduced"] * 3 + ["missing"]
     assert assessed.findings[0].measured == "<i>256</i>"
-    drafts = {"true": "agrees", "false": "contradicts", "cases": "too small"}
+    drafts = {"true": "agrees", "false": "contradicts", "cases": "too small to tell"}
     assert assessed.drafts == {("z-9", key): said for key, said in drafts.items()}
     written(folder)
     claims = [each["text"] for each in Parsed(numbers(folder)["z-9"]["claims"]).all("em")]
-    assert claims == ["Fig. 1", "Fig. 1; draft contradicts", "Fig. 1; draft too small"]
+    assert claims == ["Fig. 1", "Fig. 1; draft contradicts", "Fig. 1; draft too small to tell"]
     small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
-    assert [each for each in small if "draft" in each] == ["this draft: contradicts", "this draft: too small"]
+    assert [each for each in small if "draft" in each] == [
+        "this draft: contradicts",
+        "this draft: too small to tell",
+    ]
 
     assert not page.assess({}).drafts, "without figures the stored verdicts are there"
     assert [each.verdict for each in page.assess({}).findings] == [each.verdict for each in assessed.findings]

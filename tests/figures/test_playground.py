@@ -8,7 +8,7 @@ import playgrounds
 import pytest
 
 from figures.page import playground_script
-from figures.playground import COUNTS, KEYS, SAMPLERS, SCENES, made, playground
+from figures.playground import COUNTS, KEYS, SAMPLERS, SCENES, make_sampler, playground
 from qmcjax import samplers, scenes, sequences
 from qmcjax.bridges import seeds, source
 
@@ -101,5 +101,7 @@ def test_what_cannot_be_translated_is_left_out_in_words():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SAMPLERS)
 def test_keys_of_ours_have_other_points(name):
-    one, other = (np.asarray(made(name, playgrounds.SIDE, 4, key)(3, 5, 1, (0, 1, 2, 3))) for key in (1, 2))
+    one, other = (
+        np.asarray(make_sampler(name, playgrounds.SIDE, 4, key)(3, 5, 1, (0, 1, 2, 3))) for key in (1, 2)
+    )
     assert (one != other).any()

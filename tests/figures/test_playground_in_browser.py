@@ -10,7 +10,7 @@ import webgl
 
 import analysis
 from figures import page, plot
-from figures.playground import KEYS, SAMPLERS, SCENES, made, playground
+from figures.playground import KEYS, SAMPLERS, SCENES, make_sampler, playground
 from qmcjax import samplers, sequences
 from qmcjax.bridges._source._writer import Source
 
@@ -110,7 +110,7 @@ def test_points_have_the_bits_of_python(tmp_path):
             assert count == 1
             bound = np.empty(0, np.uint32) if tables is None else playgrounds.planes(data, tables, 4)
             cases.append(webgl.case(Source(glsl, bound), "sampler", POINTS, limits, each["dims"]))
-            points = made(each["name"], SIDE, spp, 3)(*webgl.drawn(POINTS, limits), (0, 1, 2, 3))
+            points = make_sampler(each["name"], SIDE, spp, 3)(*webgl.drawn(POINTS, limits), (0, 1, 2, 3))
             expected.append(webgl.summed(points))
     assert len(cases) > len(data["samplers"])
     assert webgl.run(tmp_path, cases) == expected

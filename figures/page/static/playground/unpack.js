@@ -1,5 +1,5 @@
 // What a playground renders with, in a script, since pages from disk cannot read files: base64 of compressed bytes,
-// the length of a JSON, the JSON, and arrays that it places (figures/playground/_blob.py).
+// the length of a JSON, the JSON, and arrays that it places (figures/playground/_data.py).
 const unpacked = async (text) => {
   const packed = new Blob([Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0))]);
   const bytes = new Uint8Array(await new Response(packed.stream().pipeThrough(new DecompressionStream("deflate"))).arrayBuffer());

@@ -266,7 +266,7 @@ def _draw_variants(axes: Axes) -> dict[str, int]:
     axes.bar_label(axes.bar([int(v) for v in counts], list(counts.values()), 0.6, color="0.6"))
     axes.set(
         xlabel="maximum of the segments in interior 3x3 neighbourhoods",
-        ylabel="curves",
+        ylabel="number of curves",
         title=f"{VARIANTS} Peano curves with transposed parts, 27 x 27 pixels",
         xlim=(0.4, 5.6),
         xticks=range(1, 6),

@@ -92,7 +92,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     wrong = _rare_events(first, rare)
     _coverages(axes[0], cells)
     level = hundred_integrands.LEVEL
-    x = "part of intervals that hold the integral"
+    x = "share of intervals that hold the integral"
     _kinds(axes[1], held, level, "(c) 100 integrands: 95 % intervals", x)
     _kinds(axes[2], widths, 1, "(d) their width", "width / Student's width, few replicates")
     axes[2].set_xscale("log")
@@ -199,7 +199,7 @@ def _rare_events(axes: Axes, rare: list[rare_events.Held]) -> int:
     axes.axhline(rare_events.LEVEL, color="0.6", lw=0.8, zorder=0)
     x = "expected number of hits (or of misses, if these are fewer) in all replicates"
     title = "(a) rare events: 95 % intervals of indicators"
-    name_axes(axes, x, "part of intervals", title, log="x", legend="lower right", frameon=True)
+    name_axes(axes, x, "share of intervals", title, log="x", legend="lower right", frameon=True)
     axes.set_ylim(-0.02, 1.04)
     return wrong
 
@@ -240,7 +240,7 @@ def _coverages(axes: Axes, cells: list[coverage.Cell]) -> None:
                     axes.errorbar(_share(of, k), y, xerr=bar, fmt="o", ms=3, lw=1, color=color, label=label)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set(title="(b) 90, 95 and 99 % intervals", xlabel="part of intervals that hold the integral")
+    axes.set(title="(b) 90, 95 and 99 % intervals", xlabel="share of intervals that hold the integral")
     axes.set_xlim(0.8, 1.02)
     axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
 

@@ -94,7 +94,7 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
             if size > LARGE
         }
     x = "samples of the whole image"
-    name_axes(times, x, "nanoseconds", "Images: time per sample", log="xy", legend="best")
+    name_axes(times, x, "nanoseconds per sample", "Images: time", log="xy", legend="best")
     name_axes(memory, x, "MiB", "Images: memory beyond the image", log="x")
     memory.set_ylim(bottom=0)
     return doublings

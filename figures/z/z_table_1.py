@@ -200,4 +200,4 @@ def _draw_rates(axes: Axes, rates: dict[str, float]) -> None:
     axes.set_yticks(range(len(rates)), list(rates))
     axes.invert_yaxis()
     axes.margins(x=0.15)
-    axes.set(xlim=(0, None), xlabel="million samples per second", title=f"x y at {RATE_SPP} spp")
+    axes.set(xlim=(0, None), xlabel="million samples per second", title=f"mean of x y, {RATE_SPP} spp")

@@ -83,13 +83,13 @@ def beside_window(side: int) -> Area:
 
 BESIDE_WINDOW = (
     "Errors are measured in the right three quarters of the image: at its left, a few pixels see the "
-    "lamp itself through the window, and have most of the square error. "
+    "lamp through the window, and dominate the squared error. "
 )
 
 EXPLAINED = (
     "Filtered is the RMS error after a Gaussian of 1.5 pixels; power is 1 for white noise, low is its mean "
-    "below 1/16 of a cycle per pixel. All measures are over three colours, without what the reference's own "
-    "error adds: its pixels are independent, so that it is white noise."
+    "below 1/16 of a cycle per pixel. Measures are over three colours, less the reference's own error, which "
+    "is white noise."
 )
 
 

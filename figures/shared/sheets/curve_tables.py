@@ -27,8 +27,8 @@ LOW = 1 / 16
 SHARE, POWER = "share of the strongest 1 % of frequencies", "power at low frequencies"
 
 EXPLAINED = (
-    "White noise has a share of 0.05 of the power in the strongest 1 % of the frequencies, regular "
-    "structures up to 1. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
+    "In white noise the strongest 1 % of frequencies hold 0.06 of the power, in regular structures "
+    "up to all of it. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
 )
 """What `structure` measures."""
 

@@ -45,7 +45,7 @@ def thesis_2_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     for (name, of), look in zip(errors.items(), (Style("C0", "o"), Style("C4", "v")), strict=True):
         label = f"curve {name}, slope {slopes[name]:.2f}"
         curve(right, dict(zip(PIECES, of, strict=True)), look, label=label)
-    name_axes(right, "linear segments", "missing part of the length", log="xy", legend="best")
+    name_axes(right, "linear segments", "missing part / length", log="xy", legend="best")
     measured = {
         name: {
             "length": exact[name],
@@ -110,7 +110,7 @@ def thesis_2_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     label = f"{SHOWN_2_5} segments of equal length"
     left.plot(*divided[SHOWN_2_5].points.T, "o-", color="C1", ms=4, lw=0.8, label=label)
     legend_below(figure, figure.axes[0])
-    right.plot(COUNTS_2_5, bounds, "k:", label="bound that comes with the segments")
+    right.plot(COUNTS_2_5, bounds, "k:", label="bound of the segments")
     right.plot(COUNTS_2_5, errors, "o-", color="C1", ms=4, label="largest error")
     name_axes(right, "linear segments", "error / length of the curve", log="xy", legend="best")
     of_count = {

@@ -111,7 +111,7 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         look = {"ha": "center", "fontsize": 9, "color": f"C{i % 10}"}
         top = u[column.argmax()], column.max()
         axes.annotate(f"$N_{{{i},3}}$", top, xytext=(0, 3), textcoords="offset points", **look)
-    name_axes(axes, "u", ticks=sorted(set(KNOTS)))
+    name_axes(axes, "parameter u", "value of the basis function", ticks=sorted(set(KNOTS)))
     axes.set(xlim=(-0.15, 8.15), ylim=(0, 1.1))
     off = float(abs(values.sum(axis=1) - 1).max())
     counts = sorted({int(n) for n in nonzero})
@@ -181,7 +181,7 @@ def thesis_2_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     )
     for panel, (name, of) in zip(axes, points.items(), strict=True):
         draw_curve(panel, CURVE)
-        panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="equal times apart")
+        panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="at equal time steps")
         panel.set_title(f"{name}\nlongest step / shortest = {ratios[name]:.4g}", fontsize=9)
     legend_below(figure, figure.axes[0])
     by_parameter, by_length = ratios.values()

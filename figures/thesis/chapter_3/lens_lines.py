@@ -272,7 +272,7 @@ def _draw(
     ticks = list(errors["lines"])
     for axes, y, title in (
         (left, "RMS error", "RMS error, linear RGB"),
-        (right, "steps of 255", "Bands: errors in common, after a blur"),
+        (right, "steps of 255", "Bands: errors in common, after a blur (grey: limit)"),
     ):
         x = f"lines ({SPP} samples per pixel each), or points"
         name_axes(axes, x, y, title, log="xy", ticks=ticks, few_decades=True)

@@ -172,4 +172,4 @@ def _draw(
             axes.axvline(end, color="k", lw=0.7, ls="--")
     above.set(xlim=(0, 1), ylabel="distance along the ray", xticklabels=[])
     above.invert_yaxis()
-    below.set(xlim=(0, 1), xlabel="time", yticks=[], ylabel="seen")
+    below.set(xlim=(0, 1), xlabel="time", yticks=[], ylabel="visible")

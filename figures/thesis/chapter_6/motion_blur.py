@@ -132,8 +132,7 @@ def pictures(
         },
         "claims": claims(sets),
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
-        f"Sentences are judged by intervals over {pixel_sets.SETS} random sets of the pixels. "
-        + _note(exact),
+        f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels. " + _note(exact),
     }
     return figure, numbers, images
 

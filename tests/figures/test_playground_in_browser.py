@@ -253,6 +253,9 @@ def test_every_control_changes_what_is_shown_and_the_address(visit):
     told = tab.locator(".legend li.left span").inner_text()
     wanted = known_errors(("designed tiles",), "zone plate", 256, KEYS[-1])
     assert [float(told.split("error ")[1])] == wanted
+    assert tab.locator(".caption").all_inner_texts() == ["designed tiles", "exact image"]
+    assert {"RMS error", "samples per pixel"} <= set(tab.locator(".plot text").all_text_contents())
+    assert "The scene “zone plate” at 256 spp" in tab.locator(".stage-note").inner_text()
     # Who is sent the address sees the same.
     other = finished(visit(tab.url[tab.url.index("#") :]))
     assert other.locator(".legend li.left span").inner_text() == told

@@ -16,7 +16,7 @@ def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, 
     """Return a figure with a row, or rows, of square panels."""
     columns = columns or count
     rows = -(-count // columns)
-    figure = new_figure(title, 3 * columns, 3.3 * rows + 0.4)
+    figure = new_figure(title, 3 * columns, 3.3 * rows + 0.7)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in axes[count:]:
         unused.set_axis_off()

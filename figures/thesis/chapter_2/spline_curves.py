@@ -59,7 +59,7 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
 
 def pair(title: str, width: float = 9) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = new_figure(title, width, 4.3)
+    figure = new_figure(title, width, 4.6)
     return figure, list(figure.subplots(1, 2))
 
 

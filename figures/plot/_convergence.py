@@ -126,7 +126,7 @@ def convergence(
     ax.set_ylim(low, high)  # Names are where curves end.
     if high < _FEW_DECADES * low:
         ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_major_formatter("{x:g}")
     ax.grid(alpha=0.3)
     _names(ax, named)
     return ax

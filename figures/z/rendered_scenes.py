@@ -66,7 +66,7 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
         over_keys[name] = {measure: [of[measure] for of in found] for measure in found[0]}
         progress(0.2 + 0.8 * len(over_keys) / len(measured))
     title = (
-        "Complex occluder: the error is blue noise by Z, and aliases by Sobol'\n"
+        "Complex occluder: the error of Z is blue noise, that of Sobol' aliases\n"
         f"Z paper, Fig. 9; three coloured lights, {SPP} samples per pixel\n"
         f"our scene, {side} x {side} pixels, one key; filtered error: RMS after a Gaussian of 1.5 pixels; "
         "ranked keys: ours, after Heitz et al."

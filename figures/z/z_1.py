@@ -122,7 +122,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         "spectrum of the error": image_sheets.spectra(smooth, low, (-1.0, 1.0)),
     }
     title = (
-        "At one sample per pixel the error is blue noise by Z, white by the (0,2)-sequence\n"
+        "At one sample per pixel the error of Z is blue noise, that of the (0,2)-sequence white\n"
         "Z paper, Fig. 1\n"
         f"our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces, one key; filtered "
         "error: RMS "

@@ -76,7 +76,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     area = np.s_[TOP : TOP + CROP, LEFT : LEFT + CROP]
     spectra = {name: analysis.error_spectrum(image, reference) for name, image in images.items()}
     title = (
-        "The Morton order diffuses the error, scrambling it removes preferred directions\n"
+        "The Morton order diffuses the error, scrambling removes its preferred directions\n"
         "Z paper, Fig. 3; a soft shadow at one sample per pixel\n"
         f"a disc below a square light, {SIDE} x {SIDE} pixels, one key; low frequencies: power below 1/16 "
         "of a cycle per pixel"

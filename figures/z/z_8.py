@@ -88,7 +88,7 @@ def _sheet(images: dict[str, NDArray], errors: dict[str, dict[str, float]]) -> F
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     write_title(
         figure,
-        "In dimension 5 of the global Sobol' sequence blocks of pixels share a half\n"
+        "In dimension 5 of the global Sobol' sequence, blocks of pixels share one half\n"
         "Z paper, Fig. 8; a grey ramp, and a corner magnified",
         9,
         y=1 - 14 / height,

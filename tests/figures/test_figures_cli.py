@@ -34,7 +34,7 @@ BY_HAND = ["--coordinator", "a:1", "--processes", "2"]
         (
             ["--list", "z-table-1"],
             0,
-            "take longer than by Z\n*: --quality paper only\n",
+            "sequence is slower than Z\n*: --quality paper only\n",
         ),
         (["--help"], 0, "--quality {draft,paper}"),
         (["thesis_5_21"], 2, "unknown figure 'thesis_5_21': did you mean 'thesis-5.21'?"),

@@ -285,7 +285,7 @@ def _draw(
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
     write_title(
         figure,
-        "A square root makes diameters of the lens as dense as points on a disc\nthesis, Fig. 3.9 and 3.10",
+        "A square-root mapping spreads samples on diameters evenly over the lens\nthesis, Fig. 3.9 and 3.10",
         9,
         y=1 - 14 / height,
     )

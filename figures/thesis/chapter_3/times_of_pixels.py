@@ -196,7 +196,7 @@ def thesis_3_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     layers, noise = _layers(side, exact, 32 if quality == "paper" else 12)
 
     title = (
-        "Own times in each pixel more than halve the filtered error of shared ones\n"
+        "Separate times in each pixel more than halve the filtered error of shared ones\n"
         f"thesis, Fig. 3.5 and Sect. 3.1; a disc that moves and jumps, {SPP} samples per pixel\n"
         f"{side} x {side} pixels; filtered: RMS error after a Gaussian of 1.5 pixels"
     )
@@ -206,7 +206,7 @@ def thesis_3_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         caption = f"{name}\nRMS error {of['rms']:.4f}, filtered {of['filtered']:.4f}"
         panels.append(Panel(caption, images[name], (0.0, brightest)))
     for name, image in layers.items():
-        caption = f"before a zone plate: {name}\nnoise on / off the path {noise[name]:.2f}"
+        caption = f"in front of a zone plate: {name}\nnoise on / off the path {noise[name]:.2f}"
         panels.append(Panel(caption, image))
     figure = image_grid(title, panels, 4, 384)
     numbers = {

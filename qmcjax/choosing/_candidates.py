@@ -22,9 +22,9 @@ class Candidate:
     the number of a frame."""
     most_dims: int = MOST
     least_dims: int = 1
-    """With fewer dimensions it is another candidate."""
+    """Fewest dimensions; with fewer it equals another candidate."""
     powers_of_two: bool = False
-    """Whether its samples per pixel are a power of two."""
+    """Whether its number of samples per pixel must be a power of two."""
 
     def takes(self, dims: int, spp: int) -> bool:
         return self.least_dims <= dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
@@ -35,7 +35,7 @@ def _owen(dims: int, key: Any) -> Any:
 
 
 def _along(curve: Callable[[int, int], orders.Order], sequence: Callable[..., Any]) -> Callable[..., Any]:
-    """Return what makes contiguous blocks along a curve, of a sequence of dimensions, key and frame."""
+    """Return a function that makes contiguous blocks along a curve, of a sequence of dims, key and frame."""
 
     def make(dims: int, width: int, height: int, spp: int, key: Any, *frame: Any) -> samplers.Sampler:
         return samplers.contiguous(curve(width, height), sequence(dims, key, *frame), spp)
@@ -82,14 +82,14 @@ CANDIDATES: dict[str, Candidate] = {
         )
     ),
     "permutation": Candidate(_permutation, most_dims=2, powers_of_two=True),
-    # Optimised for small errors after a filter.
+    # Optimised for small filtered errors.
     "dither mask": Candidate(_masked),
     "ranked keys": Candidate(lambda dims, width, height, spp, key: samplers.ranked(dims, key), most_dims=4),
     "designed tiles": Candidate(
         lambda dims, width, height, spp, key: samplers.designed(width, height, spp, key, dims),
         powers_of_two=True,
     ),
-    # Along Morton order, with random or optimised permutations.
+    # Along a Morton order with random or optimised permutations.
     "Z0": Candidate(
         lambda dims, width, height, spp, key: samplers.z(
             width, height, spp, None, "plain", sequence=_owen(dims, key)
@@ -125,7 +125,7 @@ CANDIDATES: dict[str, Candidate] = {
         )
     ),
 }
-"""By their names in plots. Each key gives another sampler with the same program."""
+"""By their names in plots. A new key does not recompile."""
 
 
 def _fresh(name: str) -> Candidate:
@@ -138,7 +138,7 @@ def _fresh(name: str) -> Candidate:
 
 
 def _golden(dims: int, key: Any, frame: Any) -> Any:
-    """Rotate a sequence by the golden ratio's kin of as many dimensions, once for each frame."""
+    """Rotate a sequence by a point of the Roberts sequence (generalised golden ratio) for each frame."""
     return sequences.rotate(_owen(dims, key), sequences.roberts(dims)(frame))
 
 
@@ -168,7 +168,7 @@ FRAMES: dict[str, Candidate] = {
     "optimised orders, moving": _moving(samplers.optimized),
     "designed frames": _moving(samplers.designed),
 }
-"""Samplers for animations. A new frame is the same program."""
+"""Samplers for animations. A new frame does not recompile."""
 
 PROGRESSIVE: dict[str, Candidate] = {
     **{name: CANDIDATES[name] for name in ("random", "(0,2), Owen")},
@@ -189,5 +189,5 @@ PROGRESSIVE: dict[str, Candidate] = {
 }
 """Samplers for images that are shown while they are rendered.
 
-Blocks along a curve are none: the first samples of all pixels share an interval of 1 / spp.
+Blocks along a curve are excluded: the first samples of all pixels share an interval of length 1 / spp.
 """

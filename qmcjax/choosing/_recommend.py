@@ -33,14 +33,14 @@ class Recommendation:
     dims: int
     spp: int
     reason: str
-    """Why, in two sentences of lines of at most 80 characters."""
+    """The reason in two sentences, wrapped to lines of at most 80 characters."""
     cost: float
-    """What the choice may cost: the largest ratio of its error to the least error of any sampler on a single
-    measured scene of this kind."""
+    """Worst case of the choice: the largest ratio, over the measured scenes of this kind, of its error to the
+    smallest error of any sampler."""
     others: Mapping[str, ErrorRatio]
-    """Errors of all other samplers relative to this one, the best first."""
+    """Errors of all other samplers relative to this one, best first."""
     setting: str = "images"
-    """What it is for: "images", "frames" or "prefixes"."""
+    """The use: "images", "frames" or "prefixes"."""
 
     def __str__(self) -> str:
         return f"{self.name}\n{self.reason}\n{_wrapped(_COST.format(self.cost))}"
@@ -53,8 +53,8 @@ class Recommendation:
         width, height : int, in [1, 65536]
         key : jax.random.key, or int in [0, 2**32)
         frame : int, or integer Array of shape (), in [0, 2**32)
-            Number of the frame, of recommendations for animations only, with the same key for all of them. A
-            new frame does not recompile.
+            Number of the frame, only for animations; use one key for all frames. A new frame does not
+            recompile.
 
         Returns
         -------
@@ -63,7 +63,7 @@ class Recommendation:
         Raises
         ------
         ValueError
-            If the sampler is a permutation net and the image needs more than 2**32 samples: take one of the
+            If the sampler is a permutation net and the image needs more than 2**32 samples: use one of the
             ``others``.
         """
         width, height = checks.image_size(width, height)
@@ -76,12 +76,12 @@ class Recommendation:
 
     @property
     def alternatives(self) -> tuple[str, ...]:
-        """Samplers that are not significantly worse by 2 % at each measured size."""
+        """Samplers that are not significantly worse, by 2 %, at each measured size."""
         return tuple(name for name, other in self.others.items() if not other.differs)
 
     @property
     def margin(self) -> ErrorRatio | None:
-        """Error ratio of the best sampler that differs significantly; None if there is none."""
+        """Error ratio of the best significantly different sampler, or None."""
         return next((other for other in self.others.values() if other.differs), None)
 
 
@@ -95,45 +95,45 @@ def recommend(
     progressive: bool = False,
     size: tuple[int, int] | None = None,
 ) -> Recommendation:
-    """Return the sampler with the least measured error for scenes of a kind, and its margin.
+    """Return the sampler with the smallest measured error for a kind of scene, and its margin.
 
     Parameters
     ----------
     needs : Scene, tuple of str, or int
-        A scene, the names of its dimensions (``scene.needs``), or how many there are, in [2, 250]. The scene
-        is never evaluated.
+        A scene, the names of its dimensions (``scene.needs``), or their number, in [2, 250]. The scene is
+        never evaluated.
     spp : int, samples per pixel, in [1, 2**31]
     smooth : bool, optional
-        Whether values have no jumps within pixels, in any dimension. By default known from the type of the
-        scene; otherwise scenes of both kinds count.
+        Whether values have no jumps within pixels, in any dimension. By default this follows from the type of
+        the scene; for unknown types, scenes of both kinds count.
     filtered : bool
         Minimise the error after a Gaussian filter of 1.5 pixels, as seen from a distance, rather than the RMS
         error of pixels.
     frames : int, optional
-        For an animation of so many frames, seen through a filter in time: a moving average that takes a tenth
-        of each new frame. Make the sampler of each with ``sampler(width, height, key, frame)``.
+        For an animation of so many frames, seen through a temporal filter: a moving average with weight 1/10
+        for each new frame. ``sampler(width, height, key, frame)`` makes the sampler of each frame.
     progressive : bool
         For an image that is shown while it is rendered: minimise the geometric mean of the errors of its
-        first 1, 2, 4, ... of ``spp`` samples, of samplers whose first samples are on both sides of each
+        first 1, 2, 4, ... of ``spp`` samples, among samplers whose first samples cover both halves of each
         coordinate in every image. Not with ``frames``.
     size : (int, int), optional
-        Width and height of the image: only errors of images like it count, of squares with a power of 2 as
-        side, or of others. By default both kinds count.
+        Width and height of the image. Only errors of similar images count: squares with a power of 2 as side,
+        or all others. By default both kinds count.
 
     Notes
     -----
     Errors were measured on images of 128 x 128 and of 100 x 76 pixels, of the scenes of this package that are
-    not ray-traced, each as root mean square over 8 keys, in levels of 2, of 3 and 4, and of 5 to 8
-    dimensions, at 1, 4, 16 and 64 samples per pixel. Between these, logarithms of errors are interpolated
-    over the logarithm of the number of samples: this may be too optimistic for other numbers than powers of
-    two. Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over
-    scenes are Student's t intervals, from the lowest to the highest end at both sizes. They hold the mean of
-    such scenes with these keys: for samplers with one sequence over the whole image, eight other keys move
-    them by up to a third. All pairs of samplers are compared together by Holm's procedure: with 95 %
+    not ray-traced, as root mean squares over 8 keys, in groups of 2, of 3 and 4, and of 5 to 8 dimensions, at
+    1, 4, 16 and 64 samples per pixel. In between, the logarithm of the error is interpolated linearly in the
+    logarithm of the number of samples, which may be too optimistic for numbers that are not powers of two.
+    Beyond, the nearest measurement counts, and ``reason`` says so. Intervals of geometric means over scenes
+    are Student's t intervals, from the lowest to the highest end at both sizes. They contain the mean over
+    such scenes with these keys: for samplers with one sequence over the whole image, eight other keys shift
+    it by up to a third. All pairs of samplers are compared simultaneously by Holm's procedure: with 95 %
     confidence, every sampler called worse is worse. Run times are not considered.
 
-    Animations and progressive images were measured with images of 64 x 64 and of 50 x 38 pixels and 4 keys,
-    animations with 32 frames of a still scene at 1 and 4 samples: motion is not in the tables.
+    Animations and progressive images were measured on images of 64 x 64 and of 50 x 38 pixels with 4 keys,
+    animations with 32 frames of a still scene at 1 and 4 samples: the tables do not include motion.
 
     Examples
     --------
@@ -186,7 +186,7 @@ def _checked_size(size: Any) -> tuple[int, int]:
 
 
 def _asked(needs: Any) -> tuple[int, bool | None]:
-    """Return the number of dimensions, and whether there are edges if that is known."""
+    """Return the number of dimensions, and whether there are edges, if known."""
     named = isinstance(needs, tuple | list) and all(isinstance(each, str) for each in needs)
     if named or not callable(needs):
         if not named and not hasattr(needs, "__index__"):
@@ -219,7 +219,7 @@ def _differences(others: Mapping[str, ErrorRatio]) -> str:
 
 
 def _between(spp: int, spps: tuple[int, ...]) -> str:
-    """Return in words how a number of samples relates to the measured ones."""
+    """Describe how a number of samples relates to the measured ones."""
     if spp in spps:
         return ""
     if spp > spps[-1]:

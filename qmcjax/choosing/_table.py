@@ -24,18 +24,18 @@ MEASURES = ("RMS error", "filtered error")
 
 
 class Setting(NamedTuple):
-    """A use of images, and what was measured for it."""
+    """A use of images, and its measurements."""
 
     file: str
     candidates: Mapping[str, Candidate]
     spps: tuple[int, ...]
     sizes: tuple[tuple[int, int], tuple[int, int]]
-    """Widths and heights of the images: many samplers are best in squares with powers of 2 as sides."""
+    """Widths and heights of the images: many samplers are best for squares with powers of 2 as sides."""
     keys: int
     usual: str
     """The default for comparison: independent points in each pixel."""
     errors: str
-    """Which errors these are, in words that follow a measure."""
+    """Describes the errors; follows the name of a measure."""
 
 
 SPPS = (1, 4, 16, 64)
@@ -60,7 +60,7 @@ SHOWN = Setting(
     " on average over the first 1, 2, 4, ... samples",
 )
 SETTINGS = {"images": STILL, "frames": ANIMATED, "prefixes": SHOWN}
-"""Of final images, of animations seen through a filter in time, and of images shown while rendered."""
+"""Final images, animations seen through a temporal filter, and images shown while rendered."""
 
 NEGLIGIBLE = 1.02
 """Smallest ratio of errors that counts as a difference."""
@@ -71,7 +71,7 @@ class ErrorRatio(NamedTuple):
 
     ratio: float
     low: float
-    """``low`` and ``high`` enclose the mean over such scenes, at each size, with 95 % confidence."""
+    """``low`` and ``high`` enclose the mean over such scenes at each size, with 95 % confidence."""
     high: float
 
     @property
@@ -97,7 +97,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Measured:
-    """Logarithms of errors on the scenes of one level, of one kind or both, at some samples per pixel."""
+    """Logarithms of errors on the scenes of one level, of one kind or both, at a number of samples."""
 
     scenes: tuple[str, ...]
     errors: Mapping[str, NDArray[np.float64]]
@@ -114,7 +114,7 @@ class Measured:
     ) -> "Measured":
         """Return errors from a table, interpolated over the logarithm of the number of samples.
 
-        Those at all sizes, or at the one that is like ``size``.
+        All sizes are included, or only the one similar to ``size``.
         """
         sizes = setting.sizes if size is None else (like(setting, size),)
         chosen = [
@@ -132,15 +132,15 @@ class Measured:
         return Measured(tuple(dict.fromkeys(row.scene for row in chosen)), errors)
 
     def ranked(self, names: Iterable[str]) -> list[str]:
-        """Return the measured ones of these samplers by increasing mean error."""
+        """Return those of these samplers that were measured, by increasing mean error."""
         return sorted((name for name in names if name in self.errors), key=lambda n: self.errors[n].mean())
 
     def ratios(self, names: Sequence[str]) -> list[ErrorRatio]:
         """Return the error of each of these samplers relative to the first.
 
         The logarithms of the ratios of all scenes are a sample from the population of such scenes, at each
-        size. Scenes share their keys: the variance does not include the common effect of the keys. Since the
-        first is chosen by the same errors, all pairs are compared together.
+        size. Scenes share their keys, so the variance does not include the common effect of the keys. Since
+        the same errors choose the first, all pairs are compared simultaneously.
         """
         errors = np.stack([self.errors[name] for name in names], axis=1)
         of_all = errors.mean(axis=(0, 2))
@@ -150,10 +150,10 @@ class Measured:
 
 
 def worst_cases(filtered: bool, setting: Setting = STILL) -> dict[str, tuple[float, str]]:
-    """Return how much worse than the best sampler each one is at most, and where, the least worse first.
+    """Return the worst case of each sampler relative to the best one, and where it occurs, best first.
 
-    Ratios of mean errors over all classes of scenes, numbers of dimensions and of samples per pixel. Samplers
-    that are not there for all of these are left out.
+    These are ratios of mean errors over all classes of scenes, numbers of dimensions and of samples per
+    pixel. Samplers that do not support all of these are omitted.
     """
     worst: dict[str, tuple[float, str]] = {}
     for (edges, kind), (level, dims), spp in product(KINDS.items(), LEVELS.items(), setting.spps):
@@ -184,14 +184,14 @@ def has_edges(scene: Any) -> bool | None:
 
 
 def like(setting: Setting, size: tuple[int, int]) -> tuple[int, int]:
-    """Return which of the measured sizes counts for a size: the square, or the one that is no power of 2."""
+    """Return the measured size that counts for a size: the square, or the one that is not a power of 2."""
     width, height = size
     return setting.sizes[not (width == height and width.bit_count() == 1)]
 
 
 @cache
 def table(file: str) -> tuple[Row, ...]:
-    """Read a table, one size after the other; see ``analysis/tables/recommendations.py``."""
+    """Read a table, size by size; see ``analysis/tables/recommendations.py``."""
     (setting,) = (setting for setting in SETTINGS.values() if setting.file == file)
     with tables.file("choosing", file).open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))

@@ -1,1 +1,1 @@
-"""Shared by all packages: words and digits, finite fields, compensated sums, pytrees, checks of arguments."""
+"""Shared by all packages: words and digits, finite fields, compensated sums, pytrees, argument checks."""

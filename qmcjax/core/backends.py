@@ -1,8 +1,8 @@
-"""How much a device takes at a time: all that programs depend on the backend for.
+"""Sizes of work for a device: the only dependence of programs on the backend.
 
-A processor's caches hold a few thousand numbers, and its threads start at once: loops over small tiles are
-fast. A GPU runs a hundred thousand threads, and starting a kernel takes as long as millions of samples: few
-large kernels are fast, in each of which threads share the samples of a pixel.
+On a CPU, caches hold a few thousand numbers and threads start immediately: loops over small tiles are fast. A
+GPU runs a hundred thousand threads, and launching a kernel takes as long as millions of samples: a few large
+kernels are fast, with threads that share the samples of a pixel.
 """
 
 from typing import NamedTuple
@@ -14,11 +14,11 @@ class Backend(NamedTuple):
     """Sizes for one kind of device."""
 
     lanes: int
-    """Numbers in an array of a tile of an image: pixels, times the samples along an axis."""
+    """Numbers in an array for a tile of an image: pixels times the samples along an axis."""
     together: int
     """Samples, or batches of them, of a pixel along an axis."""
     coordinates: int | None
-    """Coordinates of the samples that one thread evaluates; None: as the sampler says."""
+    """Coordinates of the samples that one thread evaluates; None: as the sampler specifies."""
     samples: int
     """Samples per call of a program: progress is reported between calls."""
     pixels: int
@@ -32,7 +32,7 @@ class Backend(NamedTuple):
     pairs: int
     """Numbers in an array of pairs of points."""
     caches: bool
-    """Whether it is a processor: tiles stay in caches, Numba's programs run, fresh memory is slow."""
+    """Whether it is a CPU: tiles stay in caches, Numba programs run, new memory is slow."""
 
 
 CPU = Backend(
@@ -64,7 +64,7 @@ GPU = Backend(
 """Measured on an NVIDIA H100."""
 
 BY_PLATFORM = {"cpu": CPU}
-"""Tests of other devices' programs on a processor change this."""
+"""Tests change this to run programs for other devices on a CPU."""
 
 
 def current() -> Backend:

@@ -1,10 +1,10 @@
 """Words of 32 bits: reversal, carry-free products in log steps, hashes, and the conversion to floats.
 
 A coordinate in base 2 is a ``uint32`` fraction: bit 31 is the first digit after the binary point.
-A *bit-reversed* fraction has the first digit in bit 0. The bits of an index are one already
-(its van der Corput radical inverse), and carries run from the first digit to later ones there, which
-is what Owen scrambling by hashing needs. So generators and scramblings work on bit-reversed words, and
-:func:`reverse` is applied once, at the end.
+A *bit-reversed* fraction has the first digit in bit 0. The bits of an index already form one (its van der
+Corput radical inverse), and carries run from the first digit to later ones, as Owen scrambling by hashing
+requires. So generators and scramblings work on bit-reversed words, and :func:`reverse` is applied once, at
+the end.
 
 Arguments and results are uint32 Arrays of one shape, unless a function says otherwise. The thesis is
 L. Gruenschloss, "Motion Blur", 2008.
@@ -24,10 +24,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def traced_once(function: F) -> F:
-    """Trace a function of arrays once for their shapes: programs that call it take over its operations.
+    """Trace a function of arrays once for their shapes; programs that call it reuse its operations.
 
-    Tracing is Python's part of a first call: about 0.1 ms an operation, and a tenth of that for one that is
-    taken over. Called with NumPy's arrays only, the function computes in NumPy.
+    Tracing is the Python part of a first call: about 0.1 ms per operation, and a tenth of that if reused.
+    Called only with NumPy arrays, the function computes in NumPy.
     """
     once = jax.jit(function, inline=True)
 
@@ -122,15 +122,15 @@ def hash_word(word: Array) -> Array:
 
 @traced_once
 def hash_pair(one: Array, other: Array) -> Array:
-    """Mix two words to one: a bijection of each of them while the other is fixed.
+    """Mix two words into one: a bijection of each of them while the other is fixed.
 
-    Both are mixed before they meet. If a mixed word met a raw one, ranges of the raw one would give shifted
-    copies of each other wherever the mixed words are close.
+    Both are mixed before they are combined. If a mixed word were combined with a raw one, ranges of the raw
+    one would give shifted copies of each other wherever the mixed words are close.
 
-    ``one``, ``other``: broadcast together; for another hash of the same pairs, xor each with its own random
-    word.
+    ``one``, ``other``: broadcast together; for another hash of the same pairs, xor each with a separate
+    random word.
     """
-    # The factor is odd: it keeps (a, b) and (b, a) apart.
+    # The odd factor distinguishes (a, b) from (b, a).
     return hash_word(hash_word(one) * _word(0x9E3779B9) + hash_word(other))
 
 
@@ -175,10 +175,10 @@ def owen_hash(reversed_bits: Array, seed: Array) -> Array:
 def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
     """Convert fixed-point fractions to floats in [0, 1), rounding down.
 
-    Rounding down keeps every point in its elementary interval and never gives 1, which rounding
-    to nearest does for fractions of ``0xffffff80`` and above.
+    Rounding down keeps every point in its elementary interval and never gives 1, unlike rounding to nearest
+    for fractions of ``0xffffff80`` and above.
 
-    ``dtype``: float32, which keeps the upper 24 bits, or float64, which needs no global flag.
+    ``dtype``: float32, which keeps the upper 24 bits, or float64, which does not need ``jax_enable_x64``.
 
     Examples
     --------
@@ -186,7 +186,7 @@ def to_unit(bits: Array, dtype: DTypeLike = jnp.float32) -> Array:
     0.5 True
     """
     if dtype == jnp.float32:
-        # 24 bits fit a signed word, which processors convert faster than an unsigned one.
+        # 24 bits fit a signed word, which CPUs convert faster than an unsigned one.
         return (bits >> 8).astype(jnp.int32).astype(jnp.float32) * np.float32(2.0**-24)
     if dtype == jnp.float64:
         with jax.enable_x64(True):

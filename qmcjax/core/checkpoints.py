@@ -1,11 +1,11 @@
-"""The state of a long computation in a file, from which another process resumes with bit-identical results.
+"""Checkpoint files of long computations, from which another process resumes with bit-identical results.
 
 A digest covers arrays, plain values, and the names of types and functions. Versions identify the code of
 qmcjax, JAX, NumPy and SciPy (see :func:`environment`). Other code can change under its name: it is listed as
-foreign, and takes a label.
+foreign and requires a label.
 
-A file is written under a temporary name, brought to disk and then renamed: a killed process leaves a complete
-file, the last one or the one before.
+A file is written under a temporary name, flushed to disk and then renamed: a killed process leaves a complete
+file, either the new or the previous one.
 """
 
 import functools
@@ -41,7 +41,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, range, type(None), type(Ellipsi
 
 
 def digest(name: str, value: Any) -> tuple[str, list[str]]:
-    """Return 64 hexadecimal digits, the same in every process, and the foreign parts of an object.
+    """Return 64 hexadecimal digits, equal in every process, and the foreign parts of an object.
 
     A tracer in the object raises a TypeError that begins with ``name``.
     """
@@ -50,7 +50,7 @@ def digest(name: str, value: Any) -> tuple[str, list[str]]:
 
 
 def environment() -> dict[str, str]:
-    """Return all that results depend on besides arguments and device."""
+    """Return everything that results depend on besides arguments and device."""
     found = {_ROOT: f"{importlib.metadata.version(_ROOT)}, sources {_sources()}"}
     for name in (*_VERSIONED, "numba"):  # Numba rounds differently from JAX.
         try:
@@ -98,7 +98,7 @@ def _digest(value: Any, name: str, foreign: dict[str, None]) -> bytes:
 
 
 def _contents(value: Any) -> list[Any] | None:
-    """Return the contents of a container or a library's dataclass; None for anything else."""
+    """Return the contents of a container or a dataclass of a library; None for anything else."""
     if isinstance(value, dict):
         return list(value.items())
     if isinstance(value, tuple | list | set | frozenset):
@@ -119,7 +119,7 @@ def _path(value: Any) -> tuple[str, str]:
 
 
 def _is_named(value: Any) -> bool:
-    """Return whether a library holds this object under its name."""
+    """Return whether a library contains this object under its name."""
     module, name = _path(value)
     found: Any = sys.modules.get(module)
     for part in name.split("."):
@@ -131,7 +131,7 @@ EVERY = 30.0
 """Seconds between two writes of a state."""
 
 SHARE = 0.05
-"""Largest part of the time spent on writing: states of gigabytes are written less often."""
+"""Largest fraction of the time spent on writing: states of gigabytes are written less often."""
 
 _FORMAT = "qmcjax checkpoint 1"
 _HEADER = "header"
@@ -141,17 +141,17 @@ Arrays = dict[str, NDArray]
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A file that keeps the state of a computation, and a label of the foreign code in that computation.
+    """A file that keeps the state of a computation, and a label for the foreign code in it.
 
     Foreign code is any function, class or object from outside qmcjax, JAX, NumPy and SciPy: your own scene or
-    sampler, or a function in it. Changes of this code cannot be detected.
+    sampler, or a function in it. Changes to this code cannot be detected.
 
     Parameters
     ----------
     path : str or path
         The file; it need not exist.
     label : str
-        Change it whenever the foreign code changes, or a value that the code uses. A state with another label
+        Change it whenever the foreign code, or a value that it uses, changes. A state with another label
         raises a ValueError.
 
     Examples
@@ -172,7 +172,7 @@ class Checkpoint:
 
 
 class File:
-    """The state of one computation in a file, as an earlier run left it, or empty."""
+    """The state of one computation in a file, as left by an earlier run, or empty."""
 
     def __init__(self, path: Path, header: str, state: Arrays, writes: bool) -> None:
         self.path = path
@@ -180,17 +180,17 @@ class File:
         self.state = state
         self.writes = writes
         self.outer: Arrays = {}
-        """State of a loop around the one that writes: it is written with each state."""
+        """State of a loop around the one that writes; it is written with each state."""
         self._next = time.monotonic() + EVERY
 
     def due(self, last: bool = False) -> bool:
-        """Return whether it is time to write; at the end of a computation it is."""
+        """Return whether it is time to write; at the end of a computation it always is."""
         return self.writes and (last or time.monotonic() >= self._next)
 
     def write(self, **state: Any) -> None:
         """Replace the saved arrays.
 
-        If writing fails, the previous file stays and a warning is issued: the computation continues.
+        If writing fails, the previous file remains, a warning is issued, and the computation continues.
         """
         start = time.monotonic()
         try:
@@ -220,7 +220,7 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     """Return the file of a computation, with the state saved by an earlier run.
 
     ``mesh``: all its processes read the file; the first one writes it when it is due. ``**made_of``: all
-    arguments that the result depends on, by name. An OSError says that the file cannot be written.
+    arguments that the result depends on, by name. Raises an OSError if the file cannot be written.
     """
     path, label = _checked(checkpoint)
     described, foreign = {"label": repr(label), "device": devices.kind(mesh)}, []

@@ -1,4 +1,4 @@
-"""Checks of arguments known before tracing: each error names the argument, what it must be and what came.
+"""Checks of arguments known before tracing: each error names the argument, the requirement and the value.
 
 A wrong type is a TypeError, a wrong value a ValueError, as in NumPy.
 """

@@ -1,4 +1,4 @@
-"""Meshes of devices, and computations in parts on them with bits that do not depend on their number."""
+"""Meshes of devices, and computations in parts on them, bit-identical for any number of devices."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,7 +22,7 @@ _AXIS = "parts"
 def validate_mesh(mesh: Any) -> Mesh | None:
     """Return a one-dimensional mesh of devices, or None for the default device alone.
 
-    Devices of another backend, or none of this process, raise a ValueError.
+    Raises a ValueError if devices are of another backend, or none belongs to this process.
     """
     if mesh is None:
         return None
@@ -48,17 +48,17 @@ def _usual() -> Any:
 
 
 def count(mesh: Mesh | None) -> int:
-    """Return how many devices take part."""
+    """Return the number of devices."""
     return 1 if mesh is None else mesh.size
 
 
 def processes(mesh: Mesh | None) -> int:
-    """Return how many processes take part."""
+    """Return the number of processes."""
     return 1 if mesh is None else len({device.process_index for device in mesh.devices.flat})
 
 
 def over(function: Callable[..., Any], mesh: Mesh, parts: Any, *shared: Any) -> Any:
-    """Return ``function(parts, *shared)`` of each device's share of parts, concatenated, on all devices."""
+    """Return ``function(parts, *shared)`` for each device's share of parts, concatenated, on all devices."""
     length = jax.tree.leaves(parts)[0].shape[0]
     # Repeat the last part for devices without one.
     numbers = np.minimum(np.arange(-(-length // mesh.size) * mesh.size), length - 1)
@@ -97,7 +97,7 @@ def place(values: Any, mesh: Mesh | None) -> Any:
 
 
 def local(values: Any, mesh: Mesh | None) -> Any:
-    """Return arrays that all devices of a mesh hold as arrays of this process's first device."""
+    """Return arrays, present on all devices of a mesh, as arrays on the first device of this process."""
     if mesh is None:
         return values
     return jax.tree.map(lambda leaf: leaf if isinstance(leaf, Tracer) else leaf.addressable_data(0), values)
@@ -124,7 +124,7 @@ def agree(word: int, mesh: Mesh | None) -> bool:
 
 
 def gather(words: NDArray[np.uint32], mesh: Mesh | None) -> NDArray[np.uint32]:
-    """Return the words of all processes of a mesh, one row per process; all send equally many."""
+    """Return the words of all processes of a mesh, one row per process, all of equal length."""
     if mesh is None or processes(mesh) == 1:
         return words[None]
     spread = NamedSharding(mesh, PartitionSpec(_AXIS))
@@ -148,17 +148,17 @@ FEW = 8
 """Number of parts of a small computation with derivatives, on any number of devices."""
 
 _GROUPS = (FEW, 64)
-"""Least and largest number of groups of parts in a derivative, unless there are fewer parts."""
+"""Smallest and largest number of groups of parts in a derivative, unless there are fewer parts."""
 
 _COPIED = 2**24
 """Largest size in bytes of the copies of tangents for more groups."""
 
 
 def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
-    """Map ``function(part, *shared)`` over the parts, one after the other on each device.
+    """Map ``function(part, *shared)`` over the parts, one after another on each device.
 
-    Parts lie along the first axes of the arrays of ``parts``, and so do the results, on all devices of the
-    mesh, which is from :func:`validate_mesh`.
+    Parts are along the first axes of the arrays in ``parts``, and so are the results, on all devices of the
+    mesh from :func:`validate_mesh`.
     """
     if mesh is not None:
         return over(partial(mapped, function, None), mesh, parts, *shared)
@@ -169,7 +169,7 @@ def mapped(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared:
 
 
 def differentiable(function: Callable[..., Any], mesh: Mesh | None, parts: Any, *shared: Any) -> Any:
-    """Map a function over parts as :func:`mapped`, with derivatives that are bit-identical on any devices."""
+    """Map a function over parts like :func:`mapped`, with bit-identical derivatives on any devices."""
     function, closed_over = _converted(function, mesh, parts, *shared)
 
     tangents_of = partial(_tangents, function, mesh)
@@ -234,8 +234,8 @@ def _with_tangents(
 ) -> Callable[..., Any]:
     """Return a function with the tangents that another one returns.
 
-    ``tangents_of`` takes the arguments and the tangents that are not zero, by the numbers of their leaves.
-    Values do not come from there: JAX refuses those that are computed together with tangents.
+    ``tangents_of`` takes the arguments and the non-zero tangents, by the numbers of their leaves. It does not
+    return values: JAX refuses values computed together with tangents.
     """
     differentiable = jax.custom_jvp(function)
 
@@ -252,8 +252,8 @@ def _tangents(function: Callable[..., Any], mesh: Mesh | None, primals: Any, mov
     """Return the tangents of the mapped values.
 
     The derivative with respect to a shared argument is a sum over parts. One sum per device would make
-    rounding depend on the number of devices. So parts come in groups that do not depend on devices, each with
-    a copy of the tangents, and the transpose of copying adds up the groups in order.
+    rounding depend on the number of devices. So parts form groups that do not depend on devices, each with
+    a copy of the tangents, and the transpose of copying adds the groups in order.
     """
     parts, *shared = primals
     leaves, tree = jax.tree.flatten(parts)

@@ -1,11 +1,11 @@
 """Digits in any base: radical inverses of exact fractions, plain or with permuted digits.
 
 An index below 2**32 has ``K = digit_count(base)`` digits, the smallest K with ``base**K >= 2**32``. Reflected
-at the radix point they are an integer over ``base**K``. It can exceed a word, so its last digits are kept
-apart and joined in float64, where it is exact.
+at the radix point they are an integer over ``base**K``. The integer may not fit a word, so its last digits
+are stored separately and joined in float64, where it is exact.
 
-``base``, in [2, 2**16], can be an int64 array of bases of the same K, of the rank of the index: then one
-program serves all bases. It compiles faster but divides slower than one with a constant divisor. Integers in
+``base``, in [2, 2**16], can be an int64 array of bases with equal K, of the rank of the index: then one
+program serves all bases. It compiles faster but divides slower than with a constant divisor. Integers in
 arrays are uint32, and results are in [0, 1), of ``dtype``: float32 or float64.
 
 Arguments are as in :mod:`qmcjax.core.digits`.
@@ -24,7 +24,7 @@ from jax.typing import DTypeLike
 from qmcjax.core.bits import below_one, reverse, to_unit
 
 _TABLE_SIZE = 8192
-"""Largest table that permutes several digits together: it fits a first-level cache."""
+"""Largest table that permutes several digits together, to fit a first-level cache."""
 
 
 Base: TypeAlias = int | np.ndarray
@@ -79,8 +79,8 @@ def exact_fraction(
     """
     with jax.enable_x64(True):
         exact = leading.astype(jnp.float64) * np.float64(base**span) + last.astype(jnp.float64)
-        # XLA compiles division by a constant to a product with its rounded reciprocal: one bit is lost.
-        # It does divide by a divisor that formally depends on the numerator.
+        # XLA compiles division by a constant to a product with the rounded reciprocal, which loses a bit,
+        # but not if the divisor formally depends on the numerator.
         value = exact / (exact * 0.0 + np.float64(base ** digit_count(base)))
         if dtype == jnp.float64:
             return value
@@ -98,16 +98,16 @@ def cell_fraction(
 ) -> Array:
     """Return a random point of the elementary interval given by the leading digits.
 
-    The digits behind them are the middle of a cell of the finest grid on which the sum of both is an exact
-    float64. So the point is more than a rounding error away from both ends of its interval, and the one
+    The digits after them are the midpoint of a cell of the finest grid on which the sum of both is an exact
+    float64. So the point is more than a rounding error away from both ends of its interval, and the single
     division leaves it inside.
 
     ``leading``: the first ``count - span`` digits after the radix point, as an integer. ``last``: the next
-    ``span`` digits, as an integer. ``tail``: the digits behind, as a fraction in base 2: its bit 31 is the
-    first. ``count``: number of digits, ``digit_count(base)`` by default; ``base**count`` is at most 2**48. In
-    float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of 2**-24,
-    unless that lies below its interval of length base**-k, with the largest k that leaves it longer than
-    2**-24: then it is rounded up.
+    ``span`` digits, as an integer. ``tail``: the following digits, as a fraction in base 2 with the first in
+    bit 31. ``count``: number of digits, ``digit_count(base)`` by default; ``base**count`` is at most 2**48.
+    In float64 the fraction is rounded to nearest. In float32 this value is rounded down to a multiple of
+    2**-24, unless that lies below its interval of length base**-k, for the largest k with base**-k > 2**-24:
+    then it is rounded up.
     """
     count = digit_count(base) if count is None else count
     total = base**count
@@ -157,7 +157,7 @@ def radical_inverse(index: Array, base: Base, dtype: DTypeLike = jnp.float32) ->
 
 
 def digit_spans(base: Base) -> tuple[int, ...]:
-    """Return the numbers of consecutive digits that one look-up permutes.
+    """Return the numbers of consecutive digits that one lookup permutes.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def digit_spans(base: Base) -> tuple[int, ...]:
 
 
 def alike(bases: tuple[int, ...], dims: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Group coordinates that one program can serve: of one base, or with equally many spans of one digit."""
+    """Group coordinates that can share a program: of one base, or with equally many spans of one digit."""
 
     def kind(dim: int) -> int:
         base = bases[dim]
@@ -294,13 +294,12 @@ def permuted_radical_inverse(
 ) -> Array:
     """Permute the digits of an index, then reflect them at the radix point.
 
-    All ``K = digit_count(base)`` digits are permuted, leading zeros of the index among them, and none
-    beyond. Where a permutation moves 0, the infinitely many zeros beyond would add the same constant to the
-    values of all indices, between 0 and ``base**-K``, at most 2**-32.
+    All ``K = digit_count(base)`` digits are permuted, including leading zeros of the index, and none beyond.
+    If a permutation moves 0, the infinitely many zeros beyond would add the same constant to the values of
+    all indices, between 0 and ``base**-K``, at most 2**-32.
 
-    ``tables``: uint16 Array: the permutations: the :func:`reflection_tables`, one after the other.
-    ``offset``: of the shape of ``base``: where the tables of this base start. Values are rounded as by
-    :func:`radical_inverse`.
+    ``tables``: uint16 Array: the concatenated :func:`reflection_tables`. ``offset``: start of the tables of
+    this base, of the shape of ``base``. Values are rounded as by :func:`radical_inverse`.
 
     References
     ----------

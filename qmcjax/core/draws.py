@@ -1,7 +1,7 @@
-"""Random words of keys, the same whatever ``jax_threefry_partitionable`` is, and fractions of 32 bits.
+"""Random words from keys, independent of ``jax_threefry_partitionable``, and 32-bit fractions.
 
 The flag selects one of two maps from a key to bits. JAX records it with each operation, so the value set here
-also holds where an operation is compiled later, as part of the user's program.
+also applies if an operation is compiled later, as part of the user's program.
 """
 
 import functools

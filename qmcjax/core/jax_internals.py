@@ -1,15 +1,15 @@
-"""All that this library takes from JAX outside its documented interface, apart from jaxprs that are read.
+"""Everything this library uses from JAX outside its documented interface, except reading jaxprs.
 
-:func:`primitive`: operations with rules for derivatives in both directions, of any order, and for maps. The
-documented ways lack one of these: ``jax.custom_vjp`` refuses forward mode; ``jax.custom_jvp`` leaves the
-transpose of tangents to JAX, and a loop over an unknown number of terms has none. ``lax.scan`` over
-``jax.checkpoint`` has all of them, but does not compensate gradients (the mean of 2^17 derivatives of 0.1 is
-0.09990), compiles for each number of terms, for up to twice as long, and gradients of images with 256 samples
-per pixel took 4.3 times the memory.
+:func:`primitive`: operations with rules for derivatives in both modes, of any order, and for ``vmap``. Each
+documented way lacks one of these: ``jax.custom_vjp`` refuses forward mode; ``jax.custom_jvp`` leaves the
+transpose of tangents to JAX, which does not exist for a loop over an unknown number of terms. ``lax.scan``
+over ``jax.checkpoint`` supports all of them, but does not compensate gradients (the mean of 2^17 derivatives
+of 0.1 is 0.09990), recompiles for each number of terms, with up to twice the compile time, and gradients of
+images with 256 samples per pixel took 4.3 times the memory.
 
-:func:`varying`: in place of the axes that ``str(jax.typeof(array))`` shows.
+:func:`varying`: instead of the axes that ``str(jax.typeof(array))`` shows.
 
-``FLAGS``: names of options that ``jax.config.update`` takes; versions add and drop some.
+``FLAGS``: names of options of ``jax.config.update``; versions add and drop some.
 
 Tried with JAX 0.10.0, 0.10.2 and 0.12.0.1.
 """
@@ -91,7 +91,7 @@ def varying(leaf: Any) -> frozenset[Any]:
 def alike(values: Any) -> Any:
     """Make the arrays of a pytree vary over the same axes of a mesh.
 
-    JAX refuses loops with a state that is first the same on all devices and then is not.
+    JAX refuses loops whose state is equal on all devices at first and differs later.
     """
     axes = frozenset[Any]().union(*map(varying, jax.tree.leaves(values)))
 

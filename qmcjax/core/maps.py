@@ -61,5 +61,5 @@ def sphere_inverse(x: Array, y: Array, z: Array) -> tuple[Array, Array]:
 
 
 def to_cube(coordinate: Array) -> Array:
-    """Return a coordinate in [0, 1): what rounding moved out of it becomes the nearest number in it."""
+    """Clamp a coordinate that rounding moved out of [0, 1) to the nearest number in it."""
     return jnp.clip(coordinate, 0, below_one(coordinate.dtype))

@@ -144,8 +144,8 @@ def _reduced(matrix: np.ndarray, columns: int, q: int) -> tuple[np.ndarray, int]
 def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return the squared length of the shortest vector of each lattice with the rows (1, a), (0, n).
 
-    By Lagrange-Gauss reduction: the shorter vector reduces the longer until nothing changes. ``n`` is at most
-    2**24, so that the quotients are right in float64.
+    It uses Lagrange-Gauss reduction: the shorter vector reduces the longer until nothing changes. ``n`` is at
+    most 2**24, which keeps the quotients exact in float64.
     """
     ux, uy, vx, vy = np.ones_like(a), a, np.zeros_like(a), np.full_like(a, n)
     while True:
@@ -172,8 +172,8 @@ def best_spatial(n: int) -> tuple[int, int, int]:
     """Return the first ``a <= b`` of a best lattice in three dimensions, and its squared distance.
 
     The search covers all pairs. A shortest vector is no longer than Hermite's bound for the volume n**2, so
-    for each ``a`` only the few i with a short i (1, a) matter. ``n`` is at most 2**16, so that the squares
-    fit their words. Takes n**2 bytes of memory.
+    for each ``a`` only the few i with a short i (1, a) matter. ``n`` is at most 2**16, so the squares fit
+    their words. It takes n**2 bytes of memory.
     """
     half = n // 2
     number = np.arange(half + 1, dtype=np.int64)

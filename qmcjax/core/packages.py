@@ -1,4 +1,4 @@
-"""The packages of the project, which other files of the same name may hide, and the command ``qmcjax``."""
+"""Checks that no other files hide the packages of the project; the command ``qmcjax``."""
 
 import importlib
 import importlib.util
@@ -8,7 +8,7 @@ from pathlib import Path
 
 PACKAGES = ("qmcjax", "analysis", "figures")
 SAFE = "PYTHONSAFEPATH"
-"""With this variable Python does not look for modules in the current folder first."""
+"""This environment variable keeps Python from importing modules from the current folder first."""
 
 
 def check() -> None:

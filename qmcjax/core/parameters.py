@@ -22,8 +22,8 @@ _FEW = 8
 def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
     """Return finite real numbers of a shape as an array.
 
-    JAX arrays stay JAX arrays. Anything else becomes a float64 copy in NumPy: callers cannot change it, and
-    references see all digits. None in a shape stands for any length of at least 1.
+    JAX arrays stay JAX arrays. Anything else becomes a float64 NumPy copy: callers cannot change it, and
+    references use all digits. None in a shape stands for any length of at least 1.
     """
     traced = any(isinstance(leaf, Array) for leaf in jax.tree.leaves(value))
     array = _of_jax(name, value) if traced else known(name, value)
@@ -38,10 +38,10 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...] = ()) -> Any:
 
 
 def floats(name: str, value: Any, last: tuple[int | None, ...] = (), finite: bool = True) -> Array:
-    """Return what a call is given as an array of JAX: floating arrays of JAX as they are.
+    """Return the argument of a call as a JAX array; floating JAX arrays are unchanged.
 
-    Integers become the default float; bools are no numbers. ``last``: shape of the last axes; None stands for
-    any length of at least 1. ``finite``: whether infinity and NaN are refused where they are known.
+    Integers become the default float; bools are not numbers. ``last``: shape of the last axes; None stands
+    for any length of at least 1. ``finite``: whether known infinite and NaN values raise.
     """
     try:
         with np.errstate(over="ignore"):
@@ -144,10 +144,10 @@ def _of_jax(name: str, value: Any) -> Array:
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def moves_an_edge(name: str, value: Array) -> Array:
-    """Return a parameter that JAX then refuses to differentiate.
+    """Return a parameter guarded against differentiation: JAX raises an error.
 
-    At the edge the value jumps: the plain derivative of samples is 0 almost everywhere, which is not the
-    derivative of their mean.
+    The value jumps at the edge: the plain derivative of samples is 0 almost everywhere, unlike the derivative
+    of their mean.
     """
     return value
 

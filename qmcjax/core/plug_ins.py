@@ -1,4 +1,4 @@
-"""Objects of users under transformations of JAX."""
+"""User-defined objects under JAX transformations."""
 
 import inspect
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -34,16 +34,16 @@ class _Identity:
 
 @frozen_pytree
 class Static:
-    """A static object that is not a pytree: the same object compiles once, another one anew."""
+    """A static object that is not a pytree: the same object compiles once, another one recompiles."""
 
     identity: _Identity = field(metadata={"static": True})
 
 
 def wrap(name: str, value: Any) -> Any:
-    """Return a pytree that holds an object: itself if it is registered as one, else a :class:`Static`.
+    """Return a pytree for an object: the object itself if it is registered, else a :class:`Static`.
 
-    Raises TypeError if an object that is not registered has an array as attribute: a compiled program would
-    keep the values that the array had at compile time. Nouns of this package may be attributes.
+    Raises a TypeError if an unregistered object has an array as attribute: a compiled program would keep the
+    values that the array had at compile time. Objects of this package may be attributes.
     """
     if not jax.tree_util.all_leaves([value]):
         return value
@@ -58,18 +58,18 @@ def wrap(name: str, value: Any) -> Any:
 
 
 def _is_constant(value: Any) -> bool:
-    """Tell whether an object is one of this package's, of values that are known and cannot change."""
+    """Return whether an object belongs to this package and has known, immutable values."""
     traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(value))
     return is_dataclass(value) and is_own(value) and not traced
 
 
 def unwrap(value: Any) -> Any:
-    """Return the object that :func:`wrap` was given."""
+    """Return the object passed to :func:`wrap`."""
     return value.identity.value if isinstance(value, Static) else value
 
 
 def parameters(value: Any) -> list[inspect.Parameter]:
-    """Return the parameters of a call; none if there is no call, or its parameters are not known."""
+    """Return the parameters of a call; none if there is no call, or its parameters are unknown."""
     try:
         return list(inspect.signature(value).parameters.values())
     except (TypeError, ValueError):

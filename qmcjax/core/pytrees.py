@@ -21,8 +21,8 @@ from jax.core import Tracer
 def one_line(value: Any) -> str:
     """Return a dataclass in one line, without arrays.
 
-    Objects inside come first, then the attributes that the class lists as ``reported``, by default its static
-    fields, unless they are None or an object inside has the same. The name is that of the class, or its
+    Nested objects come first, then the attributes that the class lists as ``reported``, by default its static
+    fields, unless they are None or repeat those of a nested object. The name is that of the class, or its
     attribute ``called``.
     """
     inside, parts = [], []
@@ -85,14 +85,14 @@ R = TypeVar("R")
 def pytree(cls: T) -> T:
     """Register a frozen dataclass as a pytree: static fields are structure, the others leaves.
 
-    ``jax.tree_util.register_dataclass`` does the same, but the structures of two of its classes compare equal
-    if their static fields do (in jax 0.10: only their hashes differ). A cache with a hash collision then
-    returns the program of another class: the image of another net. Here the class is compared too.
+    ``jax.tree_util.register_dataclass`` does the same, but structures of two of its classes compare equal if
+    their static fields do (in jax 0.10 only their hashes differ). After a hash collision, a cache returns the
+    program of another class: the image of another net. Here the class is compared, too.
 
-    ``dataclass`` makes an ``==`` and a ``hash`` that fail for arrays, and a ``repr`` that prints them whole.
-    Here objects are equal if their structures and the values of all arrays are equal, the hash is that of the
-    structure, and the repr is one line without arrays. Methods that a class
-    defines stay. ``frozen_pytree`` generates none: that takes a fifth of the import time.
+    The ``==`` and ``hash`` of ``dataclass`` fail for arrays, and its ``repr`` prints them in full. Here
+    objects are equal if their structures and the values of all arrays are equal, the hash is that of the
+    structure, and the repr is one line without arrays. Methods that a class defines are kept.
+    ``frozen_pytree`` generates none, since that takes a fifth of the import time.
 
     ``jax.export`` serializes programs with such arguments if static fields hold None, numbers, strings,
     functions of this package, or tuples of these.
@@ -144,7 +144,7 @@ _SERIALIZED: set[str] = set()
 def _register_serialization(cls: type, static: list[str]) -> None:
     """Let ``jax.export`` write the structure as JSON, under the public name of the class.
 
-    Private modules may move: they are no part of the name.
+    Private modules may move: they are not part of the name.
     """
     name = f"{cls.__module__.split('._')[0]}.{cls.__qualname__}"
     again = name in _SERIALIZED
@@ -212,7 +212,7 @@ def _generated(method: Any) -> bool:
 
 @functools.cache
 def _known() -> jax.Array:
-    """Return an array of which any operation is traced wherever operations are."""
+    """Return an array whose operations are traced wherever operations are traced."""
     with jax.ensure_compile_time_eval():
         return jnp.zeros(())
 
@@ -245,7 +245,7 @@ class Compiled(Generic[R]):
         return self._compiled(self._classes(args), *args)
 
     def lower(self, *args: Any) -> Any:
-        """Return the program before it is compiled, as functions of ``jax.jit`` do."""
+        """Return the program before compilation, like functions of ``jax.jit``."""
         return self._compiled.lower(self._classes(args), *args)
 
     def _classes(self, args: tuple[Any, ...]) -> str:
@@ -256,6 +256,6 @@ def jit(*static_argnames: str) -> Callable[[Callable[..., R]], Compiled[R]]:
     """Decorate a function like ``jax.jit``, with the classes of all arguments in the cache key.
 
     JAX confuses plug-ins that are dataclasses registered with JAX (see :func:`pytree`). Arguments are
-    positional only.
+    positional-only.
     """
     return lambda function: Compiled(function, static_argnames)

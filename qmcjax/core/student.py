@@ -1,4 +1,4 @@
-"""Student's intervals: of a mean, and of all differences of several means, by Holm's procedure."""
+"""Student's t intervals for a mean, and for all differences of several means by Holm's procedure."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,13 @@ ERROR = 0.05
 """Probability that an interval, or one of several joint comparisons, is wrong."""
 
 FEWEST = 4
-"""Least number of values: fewer do not show whether they are nearly normal."""
+"""Smallest number of values: fewer do not show whether they are nearly normal."""
 
 
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return a 95 % confidence interval of the mean of independent values, infinite for fewer than 4.
+    """Return a 95 % confidence interval for the mean of independent values, infinite for fewer than 4.
 
-    They must be nearly normal: heavy tails make the interval too long, a skew too short.
+    The values must be nearly normal: heavy tails make the interval too long, skewness too short.
     """
     from scipy.special import stdtrit
 
@@ -24,10 +24,11 @@ def interval(values: NDArray[np.float64]) -> tuple[float, float]:
 def differences(
     values: NDArray[np.float64], margin: float = 0.0
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return intervals of the differences of all pairs of means.
+    """Return intervals for the differences of all pairs of means.
 
-    Where an interval lies above the margin, the first mean is larger by more than that: with 95 % confidence,
-    all these statements about one set of samples are true, and each single interval holds its difference.
+    If an interval lies above the margin, the first mean is larger by more than the margin: with 95 %
+    confidence, all these statements about one set of samples are true, and each single interval contains its
+    difference.
 
     ``values``: float64 array, shape (..., conditions, samples, n): value k of one sample is paired with value
     k of the others. Differences of pairs must be independent over k and nearly normal for each condition.
@@ -36,9 +37,9 @@ def differences(
 
     Notes
     -----
-    Holm's procedure [1]_ goes through the pairs by decreasing statistic, as long as they differ at a level of
-    5 % divided by the number of pairs left. All intervals have the level at which it ends. The statistic of a
-    pair is the least under all conditions: they differ if they do under each.
+    Holm's procedure [1]_ visits the pairs by decreasing statistic, as long as they differ at a level of 5 %
+    divided by the number of remaining pairs. All intervals have the level at which it ends. The statistic of
+    a pair is the smallest over all conditions: a pair differs if it does under each condition.
 
     References
     ----------

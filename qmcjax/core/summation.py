@@ -1,9 +1,9 @@
 """Sums over many terms, with derivatives of any kind and order, in constant memory.
 
-A loop that JAX differentiates in reverse keeps the intermediate values of all iterations, and a loop with a
-rule for one direction (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of
-derivatives: so the sum is one primitive, and each transformation gives another such sum. Its tangents are the
-sum of the terms' tangents; where they are linear in their operands, its transpose is the sum of the terms'
+A loop that JAX differentiates in reverse mode keeps the intermediate values of all iterations, and a loop
+with a rule for one mode (``jax.custom_vjp``) refuses the other. But the derivative of a sum is a sum of
+derivatives. So the sum is one primitive, and each transformation gives another such sum: its tangents are the
+sum of the terms' tangents; if these are linear in their operands, its transpose is the sum of the terms'
 transposes; mapped over an axis, it is the sum of the mapped terms.
 """
 
@@ -54,7 +54,7 @@ def add_terms(
     Derivatives in forward and reverse mode use the same loop and constant memory.
 
     ``term``: a function of parameters and a uint32 number. Derivatives also flow to values that it closes
-    over. ``pinned``: whether to keep all of a term inside the loop. Otherwise compilers hoist common
+    over. ``pinned``: whether to keep the whole term inside the loop. Otherwise compilers hoist common
     subexpressions, once for each time that a term computes them. ``parameters``: floating point leaves are
     differentiable. ``state``: the sum so far. ``first``, ``count``: uint32 Array, shape ().
     """

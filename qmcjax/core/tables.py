@@ -1,6 +1,6 @@
-"""Tables of numbers: those in the folders ``_data`` of packages, and text files of users.
+"""Tables of numbers: those in the ``_data`` folders of packages, and text files of users.
 
-Neither ``numpy.loadtxt`` nor ``csv`` gives the column of a field or the comments, so lines are split here.
+Neither ``numpy.loadtxt`` nor ``csv`` returns the column of a field or the comments, so lines are split here.
 """
 
 import codecs
@@ -23,13 +23,13 @@ def file(package: str, name: str) -> Traversable:
 
 
 def arrays(package: str, name: str, *wanted: str) -> list[NDArray]:
-    """Return some arrays of a file ``npz``."""
+    """Return the given arrays of an ``npz`` file."""
     with file(package, name).open("rb") as stream, np.load(stream) as table:
         return [table[each] for each in wanted]
 
 
 def rows(package: str, name: str) -> list[list[str]]:
-    """Return the words of each line of a text, without lines of comment."""
+    """Return the words of each line of a text, without comment lines."""
     lines = file(package, name).read_text(encoding="utf-8").splitlines()
     return [line.split() for line in lines if line and not line.startswith("#")]
 
@@ -45,7 +45,7 @@ _SHOWN = 60
 
 
 class Field(NamedTuple):
-    """What stands between separators, without quotes."""
+    """The text between separators, without quotes."""
 
     column: int
     """From 1 on."""
@@ -79,7 +79,7 @@ def wrong(line: int, column: int | None, rule: str, got: Any) -> ValueError:
 
 
 def contents(path: Path, max_bytes: int) -> bytes:
-    """Return the bytes of a file, unpacked if they are packed by gzip."""
+    """Return the bytes of a file, decompressed if it is a gzip file."""
     size = path.stat().st_size
     if size > max_bytes:
         raise ValueError(f"must take at most max_bytes={max_bytes}, got {size} bytes")
@@ -100,8 +100,8 @@ def contents(path: Path, max_bytes: int) -> bytes:
 def lines(data: bytes) -> list[Line]:
     """Return the lines that are not blank; a ValueError begins with the invalid place.
 
-    Fields are separated by semicolons; else by commas; else by blanks. The last separator of a line may have
-    nothing after it. Comments begin with ``#``.
+    Fields are separated by semicolons; else by commas; else by blanks. A line may end with a separator.
+    Comments begin with ``#``.
     """
     found = []
     for number, line in enumerate(_END.split(_decoded(data)), start=1):

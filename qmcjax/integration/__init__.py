@@ -1,4 +1,4 @@
-"""From a function and a sequence to a mean and its confidence interval."""
+"""Integration: the mean of a function over a sequence, and its confidence interval."""
 
 from qmcjax.integration._estimate import Estimate as Estimate
 from qmcjax.integration._integrate import integrate as integrate

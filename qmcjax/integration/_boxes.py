@@ -1,4 +1,4 @@
-"""Functions of a box, which may be infinite, as functions of the unit cube."""
+"""Functions of a finite or infinite box as functions of the unit cube."""
 
 import math
 from dataclasses import field
@@ -16,14 +16,14 @@ from qmcjax.core.pytrees import frozen_pytree
 
 @frozen_pytree
 class Bounded:
-    """A function at the points of a box, times the derivatives of the map from the unit cube.
+    """A function on a box, times the derivatives of the map from the unit cube.
 
     In [low, inf) the map is x = low + u / (1 - u), in (-inf, high] x = high - (1 - u) / u, and in (-inf, inf)
     x = (1 / (1 - u) - 1 / u) / 2. Functions that decrease like x**-2 stay bounded.
     """
 
     infinite: tuple[tuple[bool, bool], ...] = field(metadata={"static": True})
-    """Of each dimension, whether its ends are infinite."""
+    """Whether the ends are infinite, for each dimension."""
     function: Any
     ends: Any
     """Shape (dims, 2); anything in the place of infinite ones."""
@@ -37,7 +37,7 @@ class Bounded:
         return self._mapped(points)[0]
 
     def _mapped(self, points: Array) -> tuple[Array, list[Array]]:
-        """Return points of the box and factors of the derivative, each of which is finite."""
+        """Return points of the box, and the finite factors of the derivative."""
         ends = jnp.asarray(self.ends).astype(points.dtype)
         low, high = ends[None, :, 0], ends[None, :, 1]
         from_low, from_high = np.asarray(self.infinite).T
@@ -47,7 +47,7 @@ class Bounded:
         volume = jnp.prod((high - low)[:, finite], axis=1)
         if finite.all():
             return places, [volume]
-        # As warps.normal has it, 0 is the centre of the cell of points that are rounded down to it.
+        # As in warps.normal, 0 is replaced by the centre of the cell of points rounded down to it.
         cell = 2.0**-24 if points.dtype == jnp.float32 else 2.0**-32
         points = jnp.where(points < cell / 2, cell / 2, points)
         below, above = 1 / points, 1 / (1 - points)
@@ -61,7 +61,7 @@ class Bounded:
 
 
 def _times(values: Any, factors: list[Array]) -> Any:
-    """Multiply the values of rows by factors, one after the other: their product might overflow."""
+    """Multiply the values of rows by factors, one after another, since their product might overflow."""
     if not isinstance(values, Array | np.ndarray) or values.ndim == 0:
         return values  # and be refused
     if jnp.iscomplexobj(values):

@@ -1,4 +1,4 @@
-"""What replicates say of an integral."""
+"""Estimates of an integral from replicates."""
 
 import math
 import warnings
@@ -19,35 +19,36 @@ from qmcjax.integration._means import as_complex, of_columns
 class Estimate(NamedTuple):
     """An integral from independent replicates, with its error.
 
-    In the structure of the values, in float64; complex numbers have errors for real and imaginary part.
+    Results are float64, in the structure of the values; complex numbers have errors for real and imaginary
+    part.
     """
 
     integral: Any
     """The mean of the replicates; for "median" and "quantile" intervals their median."""
     standard_error: Any
-    """Of the mean; see :func:`integrate` for counts."""
+    """Standard error of the mean; see :func:`integrate` for counts."""
     replicates: int
     """Number of replicates."""
     rounding: Any
-    """Error by rounding, which the replicates do not show: see :func:`integrate`."""
+    """Rounding error, which the replicates do not show: see :func:`integrate`."""
     means: Any
-    """Of each replicate: values with a first axis of length ``replicates``."""
+    """Mean of each replicate, with a first axis of length ``replicates``."""
     n: int
     """Number of points of each replicate."""
     unseen: Any
-    """Where values are few and two means equal, the range of values divided by their number; else 0.
+    """If values take few levels and two means are equal, the range of values divided by their number; else 0.
 
-    Infinite where all values seen are equal, and not known to have limits."""
+    Infinite if all observed values are equal and there are no limits."""
     limits: tuple[float, float] | None = None
-    """Of the function's values."""
+    """Bounds of the function's values."""
     tolerance: float | None = None
-    """That was asked for."""
+    """The requested tolerance."""
     level: float = 0.95
-    """Of the interval that is compared with the tolerance."""
+    """Level of the interval that is compared with the tolerance."""
 
     @property
     def reached(self) -> bool | None:
-        """Whether the interval can be vouched for and, with a tolerance, is small enough.
+        """Whether the interval is reliable and, with a tolerance, small enough.
 
         None if values are traced.
         """
@@ -57,7 +58,7 @@ class Estimate(NamedTuple):
 
     @property
     def reason(self) -> str | None:
-        """Why points were enough, or not; None without a tolerance or a doubt, or if values are traced."""
+        """Why the points sufficed or not; None without a tolerance or a doubt, or if values are traced."""
         if self._traced() or self.tolerance is None:
             return self._doubt()
         state = "was reached" if self.reached else "was not reached"
@@ -67,8 +68,8 @@ class Estimate(NamedTuple):
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Return a confidence interval of the integral, widened by ``rounding``.
 
-        Of the kind that :func:`integrate` was asked for. A RuntimeWarning says that all values are equal and
-        not known to have ``limits``, so that a rare event may have been missed: ``reached`` is False then.
+        Its kind is that passed to :func:`integrate`. A RuntimeWarning is emitted if all values are equal and
+        have no ``limits``: a rare event may have been missed, and ``reached`` is False.
 
         Parameters
         ----------
@@ -101,7 +102,7 @@ class Estimate(NamedTuple):
         from scipy.special import stdtrit
 
         quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        # The standard error has a part of what is unseen.
+        # The standard error includes a part for unseen events.
         more = max(_most_unseen(self.replicates, level) ** 2 - _COUNTED * quantile**2, 0)
         half = xp.sqrt(xp.square(quantile * error) + more * xp.square(unseen)) if more else quantile * error
         return integral - half, integral + half
@@ -148,7 +149,7 @@ class QuantileEstimate(Estimate):
             low, high = _intervals.rank_interval(means, level)
         else:
             low, high = _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
-        # The mean of counts is off their median, by one of them if they are rare.
+        # The mean of counts differs from their median, by one count if events are rare.
         more = max(_most_unseen(self.replicates, level), self.replicates) * unseen
         return low - more, high + more
 
@@ -168,22 +169,22 @@ class BettingEstimate(Estimate):
 
 
 _LEAST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
-"""Added to the magnitude of values: processors may take numbers below the least normal one for 0."""
+"""Added to the magnitude of values, since processors may flush subnormal numbers to 0."""
 
 _FEW = 256
-"""Values of which at least half are distinct, unless a function takes few values: those are counted."""
+"""Number of values of which at least half are distinct, unless a function takes few values (counts)."""
 
 _COUNTED = 3
-"""Part of the standard error: this times the square of what is unseen."""
+"""Weight of the squared unseen part in the squared standard error."""
 
 
 def _most_unseen(replicates: int, level: float) -> float:
-    """Return how often an event that no replicate saw is expected in all of them, at most.
+    """Return the maximum expected count, over all replicates, of an event that none of them saw.
 
-    Of a replicate in which it is expected m times, with a variance of at most m as for independent points,
-    Cantelli's inequality says that it is seen with a probability of at least m / (1 + m). All replicates miss
-    it with at most (1 - level) / 2 if m is at least this number divided by ``replicates``. That tends to
-    -log((1 - level) / 2), the rule of three of independent points.
+    If it is expected m times in a replicate, with a variance of at most m as for independent points, the
+    replicate sees it with a probability of at least m / (1 + m), by Cantelli's inequality. All replicates
+    miss it with a probability of at most (1 - level) / 2 if m is at least the returned number divided by
+    ``replicates``. The number tends to -log((1 - level) / 2), the rule of three for independent points.
     """
     return replicates * (((1 - level) / 2) ** (-1 / replicates) - 1)
 
@@ -198,7 +199,7 @@ KINDS: dict[str, type[Estimate]] = {
 
 
 def validate_limits(limits: Any, kind: str, replicates: int | None) -> tuple[float, float] | None:
-    """Return bounds of values, which must be there for intervals by betting, and only with replicates."""
+    """Validate bounds of values: required for betting intervals, and allowed only with replicates."""
     if limits is None:
         if kind == "betting":
             raise ValueError('limits must be two numbers for interval="betting", got None')
@@ -215,7 +216,7 @@ def validate_limits(limits: Any, kind: str, replicates: int | None) -> tuple[flo
 
 
 def limits_of_integral(limits: tuple[float, float], volume: float) -> tuple[float, float]:
-    """Return the bounds of the integral over a box of a known, finite volume."""
+    """Return the bounds of the integral over a box of known, finite volume."""
     least, most = limits[0] * volume, limits[1] * volume
     if not math.isfinite(most - least):
         raise ValueError(f"limits must be None for bounds of an infinite or unknown volume, got {limits}")
@@ -223,7 +224,7 @@ def limits_of_integral(limits: tuple[float, float], volume: float) -> tuple[floa
 
 
 def _check_means(means: Array, made: Estimate, limits: tuple[float, float]) -> None:
-    """Raise a ValueError if the mean of a replicate is outside of the bounds by more than rounding."""
+    """Raise a ValueError if the mean of a replicate exceeds the bounds by more than rounding."""
     if isinstance(means, Tracer):
         return
     allowed = max(float(abs(np.asarray(leaf)).max(initial=0)) for leaf in jax.tree.leaves(made.rounding))
@@ -234,14 +235,14 @@ def _check_means(means: Array, made: Estimate, limits: tuple[float, float]) -> N
 
 
 _FIRST = 1024
-"""Points of a replicate after which an interval is first compared with a tolerance."""
+"""Points per replicate before an interval is first compared with a tolerance."""
 
 _ERROR = 0.05
 """Probability that any of these intervals misses the integral."""
 
 
 def doublings(tolerance: Any, n: int, replicates: int | None, kind: str) -> tuple[list[int], float]:
-    """Return the numbers of points after which to compare an interval with a tolerance, and its level."""
+    """Return the numbers of points at which to compare an interval with a tolerance, and its level."""
     checks.positive("tolerance", tolerance)
     if isinstance(tolerance, Tracer) or np.ndim(tolerance):
         raise TypeError(f"tolerance must be a number, got {checks.shown(tolerance)}")
@@ -266,7 +267,7 @@ def _level(level: Any) -> float:
 
 
 def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]:
-    """Return two trees of ends; those of real and imaginary parts on their own."""
+    """Return two trees of ends, with real and imaginary parts treated separately."""
 
     def each(*leaves: Any) -> tuple[Any, Any]:
         xp: Any = jnp if any(isinstance(leaf, Tracer) for leaf in leaves) else np
@@ -281,9 +282,9 @@ def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]
 
 
 def _of_rank(values: Array, place: int) -> Array:
-    """Return the values of a rank along the first axis, from 0 on, with derivatives.
+    """Return the values of a rank, counted from 0, along the first axis, with derivatives.
 
-    JAX computes derivatives outside of the float64 mode of a program, where those of ``jnp.sort`` fail.
+    JAX computes derivatives outside the float64 mode of a program, where those of ``jnp.sort`` fail.
     """
     ranks = jnp.argsort(jnp.argsort(jax.lax.stop_gradient(values), axis=0), axis=0)
     return jnp.sum(values * (ranks == place).astype(values.dtype), axis=0)
@@ -308,7 +309,7 @@ def estimate(
 ) -> Estimate:
     """Return the mean or median of replicates, the standard error, and the rounding error.
 
-    ``some``: columns of a few values; ``spread``: range of those that were seen, shape (columns,).
+    ``some``: columns of a few values; ``spread``: range of the observed values, shape (columns,).
     """
     known = not any(isinstance(each, Tracer) for each in (*found, some))
     reach: Any = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
@@ -345,7 +346,7 @@ def estimate(
 def _columns(
     found: tuple[Array, ...], some: Array, spread: Array, reach: Array, n: int, of_ranks: bool
 ) -> tuple[Array, ...]:
-    """Return the means of all replicates, their mean or median, its errors seen, by rounding, and unseen."""
+    """Return the means of all replicates, their mean or median, and its observed, rounding, unseen error."""
     means = jnp.stack(found)
     mean = means.mean(axis=0)
     magnitude = jax.lax.stop_gradient(jnp.maximum(abs(some).mean(axis=0), abs(mean)))

@@ -82,130 +82,131 @@ def integrate(
 ) -> Any:
     """Average a function over points of a sequence: quasi-Monte Carlo integration over the unit cube.
 
-    Points are generated, evaluated and added up in blocks that stay in the cache. Memory does not depend on
-    ``n``, also for gradients.
+    Points are generated, evaluated and summed in blocks that stay in the cache. Memory does not depend on
+    ``n``, even for gradients.
 
     Parameters
     ----------
     function : callable
         From points, shape (rows, dims), to values, shape (rows, ...), row by row: numbers or bools, or a
         tuple, a dict or another pytree of them. The same function object compiles once. If it is a pytree,
-        like a scene or ``jax.tree_util.Partial``, its arrays are parameters: new values compile nothing.
+        like a scene or ``jax.tree_util.Partial``, its arrays are parameters: new values do not recompile.
         Gradients flow to them, and to values that the function closes over.
     sequence : Sequence
-        Or any object with its protocol, see :func:`qmcjax.sequences.as_sequence`. It must have ``start + n``
-        points.
+        Or any object that implements the protocol, see :func:`qmcjax.sequences.as_sequence`. It must have
+        ``start + n`` points.
     n : int
-        Number of points, at least 1; with ``tolerance`` the largest number. A new n compiles anew.
+        Number of points, at least 1; with ``tolerance`` the largest number. A new n recompiles.
     start : int
-        Index of the first point. Digital sequences in base 2 have a faster program for multiples of 4096.
+        Index of the first point. Digital sequences in base 2 are faster for multiples of 4096.
     replicates : int, optional
         Number of randomised copies of the sequence, in [2, 65536], with ``n`` points each.
     key : jax.random.key, or int in [0, 2**32), randomises the replicates
     interval : str
-        What the ``interval()`` of the estimate guarantees:
+        The guarantee of the estimate's ``interval()``:
 
         - "student": nominal coverage if the means of the replicates are nearly normal. The default, for 4 to
           32 replicates.
-        - "median": the integral is the median of linearly scrambled replicates, which for smooth functions is
-          much closer than their mean; the interval is between two of their order statistics. Its coverage is
-          that of the binomial distribution as n grows, for smooth functions [1]_. For digital sequences in
-          base 2 and powers of two as n, with 6 replicates or more.
-        - "quantile": the same of Owen-scrambled or rotated replicates: whatever their distribution, it holds
-          the *median* of a replicate's mean with at least the nominal probability. That is the integral if
-          the distribution is symmetric; else the interval misses it as the replicates become many.
-        - "betting": holds the integral with at least the nominal probability, for any number of points and
-          replicates, and any function with values in ``limits`` [2]_. However many points a replicate has, it
-          is wider than the range of ``limits`` divided by the number of replicates: take many replicates of
-          few points. Empirical Bernstein intervals [2]_ assume the same, and are 1.5 to 3.0 times as wide. It
-          assumes replicates to be independent, and nothing about the points of one: a digital structure does
-          no harm. What it holds is the mean over the grid of the points, see Notes.
+        - "median": the integral is the median of linearly scrambled replicates, for smooth functions much
+          more accurate than their mean, and the interval lies between two of their order statistics. For
+          smooth functions, its coverage tends to that of the binomial distribution as n grows [1]_. Requires
+          a digital sequence in base 2, a power of two as n, and at least 6 replicates.
+        - "quantile": the same for Owen-scrambled or rotated replicates. Whatever their distribution, it
+          contains the *median* of a replicate's mean with at least the nominal probability. If the
+          distribution is symmetric, this is the integral; otherwise the interval misses the integral as the
+          number of replicates grows.
+        - "betting": contains the integral with at least the nominal probability, for any number of points and
+          replicates, and any function with values in ``limits`` [2]_. For any number of points per replicate,
+          it is wider than the range of ``limits`` divided by the number of replicates: use many replicates
+          with few points. Empirical Bernstein intervals [2]_ make the same assumptions and are 1.5 to 3.0
+          times as wide. It assumes that replicates are independent, but nothing about the points within one:
+          a digital structure does no harm. It contains the mean over the grid of the points, see Notes.
     limits : (float, float), optional
-        Bounds of all values of the function, of real and imaginary parts. "betting" needs them; other
-        intervals stay within, and take them for the range of values that no replicate saw.
+        Bounds of all values of the function, of real and imaginary parts. Required for "betting". Other
+        intervals stay within them, and use them as the range of values that no replicate saw.
     tolerance : float, optional
-        Begin with 1024 points of each replicate, and double their number until the integral is known within
-        the tolerance, or up to ``n``, which is rounded down to 1024 times a power of two. Nothing may be
-        traced then. ``n`` of the estimate is the number that was used, ``reason`` says why it was enough. A
-        RuntimeWarning says that the tolerance was not reached, or cannot be vouched for.
+        Start with 1024 points per replicate, and double their number until the integral is known within the
+        tolerance, or up to ``n``, which is rounded down to 1024 times a power of two. Nothing may be traced.
+        The estimate's ``n`` is the number used, and ``reason`` explains why it sufficed. A RuntimeWarning is
+        emitted if the tolerance was not reached, or if this is uncertain.
     bounds : (float, float), or one such pair for each dimension, optional
         The box (low, high) to integrate over; the unit cube if None. The function then takes points of the
-        box, and the result is the integral and not the mean. Finite bounds may be traced, and have
-        derivatives. Infinite ends are mapped, see Notes.
+        box, and the result is the integral, not the mean. Finite bounds may be traced, and have derivatives.
+        Infinite ends are mapped, see Notes.
     dtype : float32 or float64
-        Dtype of points and, without ``replicates``, of sums. Sums are compensated: they are as accurate as
+        Dtype of points and, without ``replicates``, of sums. Sums are compensated, so they are as accurate as
         the values.
     mesh : jax.sharding.Mesh, optional
         Devices that share the points if there are many, as for :func:`qmcjax.render`. The integral is
-        bit-identical on any devices.
+        bit-identical on any number of devices.
 
     Returns
     -------
     Array, or pytree of them
-        In the structure of the function's values, shape (...); floating and complex ones in their type,
-        others in ``dtype``. With ``replicates`` an :class:`Estimate`: their mean or median, the standard
-        error, an ``interval()``, and whether it was ``reached``, in float64 whatever ``dtype`` is. They are
-        NumPy arrays unless they are traced.
+        In the structure of the function's values, shape (...). Floating and complex values keep their dtype,
+        others have ``dtype``. With ``replicates``, an :class:`Estimate`: their mean or median, the standard
+        error, an ``interval()``, and whether it was ``reached``, in float64 for any ``dtype``. These are
+        NumPy arrays unless traced.
 
     Raises
     ------
     ValueError
-        If ``function`` returns a value that is not finite: the message names the point.
+        If ``function`` returns NaN or infinity; the message names the point.
 
     Notes
     -----
     Replicates are Owen-scrambled (:func:`qmcjax.sequences.owen`) if the sequence has digits to scramble, and
     otherwise rotated (:func:`qmcjax.sequences.rotate`). They are independent, so their variance gives the
-    standard error. Their points are in the centres of cells of side 2**-23 in float32 and 2**-32 in float64:
+    standard error. Their points are the centres of cells of side 2**-23 in float32 and 2**-32 in float64:
     each replicate is unbiased up to the curvature of the function in a cell, and up to the rounding of its
-    values. What varies within a cell is not seen: in float32 bit 24 of every coordinate is 1, and intervals
-    of any kind hold 1 in place of the mean 1/2 of that bit. The error ``rounding`` is the epsilon of the
+    values. Variation within a cell is invisible: in float32 bit 24 of every coordinate is 1, and intervals of
+    any kind contain 1 instead of the mean 1/2 of that bit. The error ``rounding`` is the epsilon of the
     values, or of ``dtype`` if that is larger, times the mean magnitude of the values, plus half their range
     for jumps, since cells displace these by half their side. Magnitude and range are those of the first 4096
     points of a replicate. Cancellation within the function is not accounted for.
 
     Intervals have their nominal coverage if the means of the replicates are nearly normal. Means of counts
-    are not, and few replicates agree by chance. So where two means are equal, and at most half of the first
-    256 values distinct, the interval grows by what replicates may have missed, a rule of three: an event that
-    is expected m times in each of R replicates, with a variance of at most m, is missed by all of them with a
-    probability of at most (1 + m)**-R, Cantelli's inequality. At (1 - level) / 2 this gives the largest m,
-    and the interval the half width m / n times the range of the values, together with Student's as the root
-    of the sum of squares: at 95 % 6.1, 4.7 or 3.9 of the n * R values with R = 4, 8 or 32.
-    (``standard_error`` has the square root of 3 of them; "median" and "quantile" intervals have at least one
-    of each replicate, added.) The range is that of ``limits``, or else of the values seen. If all of these
-    are equal and there are no limits, nothing can be vouched for: ``reached`` is False, and ``interval()``
-    warns.
+    are not, and a few replicates may agree by chance. So if two means are equal, and at most half of the
+    first 256 values are distinct, the interval grows by a rule of three for missed events: if an event is
+    expected m times in each of R replicates, with a variance of at most m, all of them miss it with a
+    probability of at most (1 + m)**-R, by Cantelli's inequality. Setting this to (1 - level) / 2 gives the
+    largest m, and the half width m / n times the range of the values, which is combined with Student's as the
+    root of the sum of squares: at 95 %, 6.1, 4.7 or 3.9 of the n * R values for R = 4, 8 or 32.
+    (``standard_error`` includes the square root of 3 of them; "median" and "quantile" intervals add at least
+    one per replicate.) The range is that of ``limits``, or else of the observed values. If these are all
+    equal and there are no limits, no interval is reliable: ``reached`` is False, and ``interval()`` warns.
 
-    Measured, as in the figure ``intervals``: indicators of 8 sets in 1 to 4 dimensions, with probabilities
-    of 1e-6 to 1 - 1e-6, 2**4 to 2**16 points with 4 to 32 replicates, and 2**20 with 4 and 32: each 95 %
-    interval holds the probability in 95 % of the trials up to chance (10 to 200 trials a case), or says that
-    it is not sure. Sets that follow the digits of the points may have a larger variance. A smooth part hides
-    rare events: of ``x + (x < 1e-4)`` no two means are equal, and without limits nothing tells of an event
-    that was missed; for ``x + (x < 1/3)``, n = 256, the coverage of a 95 % interval is 80 % with 4
-    replicates and 93 % with 8. Skewed means are not corrected either: for ``-log x``, n = 256, it is 90 %.
+    The figure ``intervals`` measures coverage for indicators of 8 sets in 1 to 4 dimensions, with
+    probabilities of 1e-6 to 1 - 1e-6, 2**4 to 2**16 points with 4 to 32 replicates, and 2**20 with 4 and 32:
+    each 95 % interval contains the probability in 95 % of the trials up to chance (10 to 200 trials per
+    case), or reports that it is unreliable. Sets that follow the digits of the points may have a larger
+    variance. A smooth part hides rare events: for ``x + (x < 1e-4)`` no two means are equal, and without
+    limits a missed event goes unnoticed; for ``x + (x < 1/3)`` with n = 256, the coverage of a 95 % interval
+    is 80 % with 4 replicates and 93 % with 8. Skewed means are not corrected either: for ``-log x`` with
+    n = 256, it is 90 %.
 
     Infinite sides are mapped by x = low + u / (1 - u), x = high - (1 - u) / u, and for the whole line
-    x = (1 / (1 - u) - 1 / u) / 2. Values are multiplied by the derivative, which is bounded if they decrease
-    like x**-2: substitute functions whose scale is far from 1, and for other maps call a warp of
-    :mod:`qmcjax.warps` in the function and divide by its density. Of the line, points reach up to 2**24 in
+    x = (1 / (1 - u) - 1 / u) / 2. Values are multiplied by the derivative; the product is bounded if they
+    decrease like x**-2. Rescale functions with a scale far from 1. For other maps, call a warp of
+    :mod:`qmcjax.warps` in the function and divide by its density. On the line, points reach up to 2**24 in
     float32 and 2**32 in float64.
 
     With ``tolerance``, the half width of an interval is compared with it after each doubling. All these
-    intervals together hold the integral with a probability of 95 %: the level of each is 1 - 0.05 / (number
-    of possible sizes), so stopping early costs no coverage. If the tolerance is reached, the integral is
-    within the tolerance of the middle of the last interval, with that probability, as far as intervals of
-    that level have it: "student" ones rely on normal tails, "betting" ones on nothing but ``limits``.
-    Earlier points are kept: all replicates together take ``n`` of the estimate times ``replicates`` points.
+    intervals together contain the integral with a probability of 95 %: the level of each is 1 - 0.05 /
+    (number of possible sizes), so early stopping costs no coverage. If the tolerance is reached, the integral
+    is within the tolerance of the midpoint of the last interval with that probability, as far as intervals
+    have their nominal level: "student" relies on normal tails, "betting" only on ``limits``. Earlier points
+    are reused: all replicates together use the estimate's ``n`` times ``replicates`` points.
 
-    The figure ``intervals`` has coverage and width of all kinds over 100 integrands in 1 to 8 dimensions.
+    The figure ``intervals`` shows coverage and width of all kinds over 100 integrands in 1 to 8 dimensions.
     With 16 replicates of 1024 points, 95 % intervals by "median" have 0.6 times the width of Student's for
-    smooth integrands and 0.3 for products, "quantile" ones 1.4 times. With 128 replicates of 128 points,
-    "median" and "quantile" ones are 8 times as wide as Student's of 16 replicates for discontinuous
-    integrands, and "betting" ones some 300 times for all.
+    smooth integrands and 0.3 for products, those by "quantile" 1.4 times. With 128 replicates of 128 points,
+    those by "median" and "quantile" are 8 times as wide as Student's with 16 replicates for discontinuous
+    integrands, and those by "betting" about 300 times for all.
 
-    The median gains nothing with Owen scrambling [3]_: "median" scrambles linearly
+    With Owen scrambling the median gains nothing [3]_, so "median" scrambles linearly
     (:func:`qmcjax.sequences.linear_matrix_scramble`). The variance of the mean is the same, but much of it
-    comes from rare replicates with a large error, which the median leaves out.
+    comes from rare replicates with a large error, which the median discards.
 
     References
     ----------
@@ -308,7 +309,7 @@ def integrate(
 
 
 def randomise(sequence: Sequence, key: Array, kind: str = "student") -> Sequence:
-    """Return a copy of a sequence that is independent of those of other keys."""
+    """Return a randomised copy of a sequence, independent of those for other keys."""
     if kind == "median":
         try:
             return linear_matrix_scramble(sequence, key)  # pyright: ignore[reportArgumentType]

@@ -1,9 +1,9 @@
 """Confidence intervals without normality: of a mean by betting, of a median by order statistics.
 
-Who bets on the mean being larger than m, a part of the capital on each value in turn, expects no gain if it
-is not; by Markov's inequality the capital then seldom reaches 1 / alpha. All m that it is reached for are
-below the interval; likewise above [1]_. Bets depend on earlier values only, and are large where these vary
-little.
+A gambler who bets that the mean exceeds m, staking a part of the capital on each value in turn, expects no
+gain if it does not; by Markov's inequality the capital then rarely reaches 1 / alpha. All m for which it does
+lie below the interval, and likewise above [1]_. Bets depend only on earlier values, and are large if these
+vary little.
 
 References
 ----------
@@ -19,16 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 _PART = 0.75
-"""Of the capital, that a bet can lose at most."""
+"""Largest fraction of the capital that a bet can lose."""
 
 _STEPS = 60
-"""Of bisection."""
+"""Number of bisection steps."""
 
 
 def betting_interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]:
-    """Return an interval of the mean of values in [0, 1] that fails with a probability of 1 - ``level``.
+    """Return an interval for the mean of values in [0, 1] that fails with probability 1 - ``level``.
 
-    ``values``: shape (count, ...), independent along the first axis. ``xp``: NumPy, or its like for them.
+    ``values``: shape (count, ...), independent along the first axis. ``xp``: their module, NumPy or ``jnp``.
     """
     needed = math.log(2 / (1 - level))
     bets = _bets(values, needed, xp)
@@ -36,7 +36,7 @@ def betting_interval(values: Any, level: float, xp: Any = np) -> tuple[Any, Any]
 
 
 def _bets(values: Any, needed: float, xp: Any) -> Any:
-    """Return what would be best for a normal distribution with the variance of the values before."""
+    """Return the best bets for a normal distribution with the variance of the preceding values."""
     count = len(values)
     number = xp.arange(1, count + 1, dtype=values.dtype).reshape(count, *(1,) * (values.ndim - 1))
     mean = (0.5 + xp.cumsum(values, axis=0)) / (number + 1)
@@ -46,7 +46,7 @@ def _bets(values: Any, needed: float, xp: Any) -> Any:
 
 
 def _low(values: Any, bets: Any, needed: float, xp: Any) -> Any:
-    """Return the largest mean at which the capital of bets on a larger one is reached; 0 if there is none."""
+    """Return the largest mean for which bets on a larger one reach the needed capital, 0 if there is none."""
 
     def halved(_: Any, ends: tuple[Any, Any]) -> tuple[Any, Any]:
         low, high = ends
@@ -64,20 +64,20 @@ def _low(values: Any, bets: Any, needed: float, xp: Any) -> Any:
 
 
 def rank(count: int, level: float) -> int:
-    """Return the largest k for which the k-th smallest and largest of some values enclose their median.
+    """Return the largest k for which the k-th smallest and k-th largest value enclose the median.
 
-    With a probability of at least ``level``, whatever the distribution. 0 if there is none: it takes
-    1 - log2(1 - level) values.
+    They do so with a probability of at least ``level``, for any distribution. 0 if there is no such k: it
+    takes 1 - log2(1 - level) values.
     """
     from scipy.special import bdtr
 
-    # The median lies outside if fewer than k values are on one of its sides.
+    # The median is outside if fewer than k values lie on one side of it.
     ranks = np.arange(1, count // 2 + 1)
     return int(np.count_nonzero(1 - 2 * bdtr(ranks - 1, count, 0.5) >= level))
 
 
 def rank_interval(values: NDArray, level: float) -> tuple[NDArray, NDArray]:
-    """Return the interval of the median: ``values`` of shape (count, ...) to low and high, shape (...)."""
+    """Return the ends of the interval for the median, shape (...), of ``values``, shape (count, ...)."""
     place = rank(len(values), level)
     ordered = np.sort(values, axis=0)
     return ordered[place - 1], ordered[len(values) - place]

@@ -1,4 +1,4 @@
-"""Programs of the mean of a function over points: blocks of points, pairwise and compensated sums."""
+"""Programs for the mean of a function over points: blocks of points, pairwise and compensated sums."""
 
 import math
 from typing import Any
@@ -17,7 +17,7 @@ from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
 
 
 def columns(values: Any, dtype: np.dtype) -> Array:
-    """Return all numbers of a row side by side, real and imaginary parts, in one floating type."""
+    """Return all numbers of a row, with real and imaginary parts, as columns of one floating dtype."""
     leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
     parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
     wide = any(part.dtype == jnp.float64 for part in parts)
@@ -26,7 +26,7 @@ def columns(values: Any, dtype: np.dtype) -> Array:
 
 
 def of_columns(columns: Array, like: Any, dtype: np.dtype) -> Any:
-    """Return the numbers of the last axis in the structure of the values, NumPy arrays for those of NumPy."""
+    """Return the numbers of the last axis in the structure of the values, as NumPy arrays if they are."""
     first = 0
 
     def next_part(shape: tuple[int, ...]) -> Any:
@@ -45,7 +45,7 @@ def of_columns(columns: Array, like: Any, dtype: np.dtype) -> Any:
 
 
 def as_complex(real: Any, imaginary: Any) -> Any:
-    """Return complex numbers: an infinite imaginary part, times 1j, would give a real part that is NaN."""
+    """Return complex numbers without multiplying by 1j, which turns infinite parts into NaN."""
     if isinstance(real, Array):
         return jax.lax.complex(real, imaginary)
     made = np.empty(np.shape(real), np.complex128)
@@ -54,21 +54,21 @@ def as_complex(real: Any, imaginary: Any) -> Any:
 
 
 ROWS = 4096
-"""Points of which the range of values is taken."""
+"""Number of points for the range of values."""
 
 _BATCH = 8
-"""Blocks of cheap points: their values are added pairwise before the compensated sum."""
+"""Blocks of cheap points, whose values are added pairwise before the compensated sum."""
 
 _PARTS = 64
 """Parts of many points, distributed over devices."""
 
 _SEARCHED = 2**16
-"""Points searched at a time for the first value that is not finite, or another than all before."""
+"""Points searched at a time for the first non-finite value, or the first that differs from all before."""
 
 
 @frozen_pytree
 class _Converted:
-    """A function, and separately the tracers that it closes over."""
+    """A function, separated from the tracers that it closes over."""
 
     converted: Any
     function: Any
@@ -78,7 +78,7 @@ class _Converted:
 def _call(function: Any, points: Array) -> Any:
     if isinstance(function, _Converted):
         converted = plug_ins.unwrap(function.converted)
-        # The function was converted for so many points.
+        # The function was converted for this number of points.
         size, rows = backends.current().rows, len(points)
         blocks = jnp.pad(points, ((0, -rows % size), (0, 0)), mode="edge").reshape(-1, size, points.shape[1])
         made = [converted(function.function, block, *function.closed_over) for block in blocks]
@@ -138,7 +138,7 @@ def _points(sequence: Sequence, index: Array, dtype: np.dtype, replicated: bool)
 
 
 def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
-    """Move randomised points, not rounded to nearest in float32, to the centre of their cells."""
+    """Move randomised points to the centres of their cells, without rounding to nearest in float32."""
     if dtype == jnp.float32:
         side = np.asarray(2.0**-23, points.dtype)
         return ((jnp.floor(points / side) + np.asarray(0.5, points.dtype)) * side).astype(dtype)
@@ -201,7 +201,7 @@ def mean_of(
         return _tree_sum(summation.value(state))  # pyright: ignore[reportArgumentType]
 
     total: Any = None
-    if batches:  # Of few points, an empty loop would be most of what there is to compile.
+    if batches:  # For few points, an empty loop would dominate compile time.
         edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS
         edges = np.array(edges if batches >= _PARTS else [0, batches], np.uint32)
         parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
@@ -209,7 +209,7 @@ def mean_of(
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
         last = _tree_sum(of_index(function, sequence, index))
-        # Alone as if added to 0: not -0.
+        # A single value, as if added to 0: not -0.
         alone = jnp.where(last == 0, last - jax.lax.stop_gradient(last), last)
         total = alone if total is None else total + last
     mean = total / np.asarray(n, total.dtype)
@@ -252,9 +252,9 @@ def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n
 def value_range(
     spread: Any, some: Any, means: list[Any], function: Any, copies: list[Any], start: int, n: int, *how: Any
 ) -> Any:
-    """Return the range of the values of replicates: of some, or if these are equal, of all until others come.
+    """Return the range of some values of replicates; if these are equal, search all values for others.
 
-    Means tell whether there are others. If anything is traced, only some values count.
+    The means show whether there are others. If anything is traced, only some values count.
     """
     if any(isinstance(each, Tracer) for each in (spread, *means)):
         return spread

@@ -1,4 +1,4 @@
-"""From a scene and a sampler to an image, its error and its derivative."""
+"""Rendering: images from scenes and samplers, with their errors and derivatives."""
 
 from qmcjax.rendering._adaptive import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering._boundary import boundary_gradient as boundary_gradient

@@ -1,4 +1,4 @@
-"""Sums of samples over pixels: all of an image, or a list of them."""
+"""Sums of samples over pixels: all pixels of an image, or a list of them."""
 
 from collections.abc import Callable
 from functools import partial
@@ -21,7 +21,7 @@ Pixels = tuple[Array, Array]
 """Columns and rows."""
 
 _ALIGNED = 64
-"""Divides the pixels of a large tile; otherwise these take up to 7 % longer."""
+"""Divisor of the number of pixels in a large tile; other sizes take up to 7 % longer."""
 
 _LEAST = 2**11
 """Pixels of a tile with derivatives: smaller tiles take longer per pixel."""
@@ -37,7 +37,7 @@ class How(NamedTuple):
     together: int
     """Batches of a pixel along an axis."""
     whole: bool
-    """Whether these are all samples of a pixel."""
+    """Whether this covers all samples of a pixel."""
     dims: tuple[int, ...]
     """Sampled coordinates; the others are 1/2 (of the pixel, for the first two)."""
     dtype: np.dtype
@@ -52,11 +52,11 @@ class How(NamedTuple):
 def accumulate(
     pair: tuple[Any, Any], tiles: Array, states: Sum, first: Array, blocks: Array, how: How
 ) -> Sum:
-    """Add ``blocks`` times ``how.block`` samples to every pixel of some tiles, one tile after the other.
+    """Add ``blocks`` times ``how.block`` samples to every pixel of the given tiles, tile by tile.
 
-    ``tiles`` holds the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
-    neighbours, shape (tiles,); numbers beyond the last pixel stand for it. The sums of a tile stay in the
-    cache.
+    ``tiles`` contains the numbers of pixels, shape (tiles, size), or the first numbers of tiles of ``size``
+    neighbours, shape (tiles,). Numbers beyond the last pixel stand for the last one. The sums of a tile stay
+    in the cache.
     """
 
     def of_tile(part: tuple[Array, Sum], pair: tuple[Any, Any], first: Array, blocks: Array) -> Sum:
@@ -68,13 +68,13 @@ def accumulate(
 
 @jit("how")
 def means(pair: tuple[Any, Any], tiles: Array, spp: Array, how: How) -> Array:
-    """Return the means over all samples of some tiles; the sums stay in the cache."""
+    """Return the means over all samples of the given tiles; the sums stay in the cache."""
     return devices.mapped(partial(mean_of_tile, how), how.mesh, tiles, pair, spp)
 
 
 def mean_of_tile(how: How, tile: Array, pair: tuple[Any, Any], spp: Array) -> Array:
     if how.whole:
-        # No loop on a GPU: its end would be read by the processor.
+        # No loop on a GPU: the host would have to read its condition.
         total = jax.checkpoint(partial(_block, how))((*pair, tile), jnp.uint32(0))
         return mean((total, jnp.zeros_like(total)), spp)
     state = zeros(pair[0], (how.size,), how.dtype)
@@ -83,7 +83,7 @@ def mean_of_tile(how: How, tile: Array, pair: tuple[Any, Any], spp: Array) -> Ar
 
 
 def _terms(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any, Array], Array], bool, Any]:
-    """Return the sum over block k of the samples of a tile: a function, whether pinned, and parameters."""
+    """Return a function that sums block k of a tile's samples, whether it is pinned, and its parameters."""
     scene, sampler = pair
     if how.together > 1:
         return partial(_block, how), False, (scene, sampler, tile)
@@ -91,18 +91,18 @@ def _terms(pair: tuple[Any, Any], tile: Array, how: How) -> tuple[Callable[[Any,
 
 
 def _block(how: How, parameters: tuple[Any, Any, Array], k: Array) -> Array:
-    """Return the sum of block k of the samples of a tile; of the samples only sums of batches are kept."""
+    """Return the sum of block k of the samples of a tile; only sums of batches are kept."""
     scene, sampler, tile = parameters
     along = jax.lax.broadcasted_iota(jnp.uint32, (how.size, how.together), 1)
     prepared, pixels = _prepared(how, sampler, tile)
     sums = _batch(how, (scene, sampler, prepared, pixels), k * np.uint32(how.together) + along)
-    # XLA's own sums have an order that depends on the size of the tile.
+    # The order of XLA's own sums depends on the size of the tile.
     sums = jax.lax.optimization_barrier(sums)
     return summation.pairwise([sums[:, j] for j in range(how.together)])
 
 
 def _prepared(how: How, sampler: Any, tile: Array) -> tuple[Any, Pixels]:
-    """Return what samples share, and the pixels of a tile: one for each that is evaluated at once."""
+    """Return the state shared by samples, and the pixels of a tile, once for each evaluated together."""
     if tile.ndim == 0:
         tile = jnp.minimum(tile + jax.lax.iota(jnp.uint32, how.size), np.uint32(how.width * how.height - 1))
     if how.together > 1:
@@ -112,7 +112,7 @@ def _prepared(how: How, sampler: Any, tile: Array) -> tuple[Any, Pixels]:
 
 
 def _batch(how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array) -> Array:
-    """Return the sums over batches with the given numbers, or one number, of samples of some pixels."""
+    """Return the sums over batches, with the given numbers or one number, of samples of the pixels."""
     scene, sampler, prepared, pixels = parameters
     number = jnp.broadcast_to(number, pixels[0].shape)
     values = []
@@ -124,16 +124,16 @@ def _batch(how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array) ->
 
 
 def nan_outside(values: Array, points: Array) -> Array:
-    """Return values, but NaN where a point is not in [0, 1): non-finite values are diagnosed later."""
+    """Replace values by NaN where a point is not in [0, 1); non-finite values are diagnosed later."""
     inside = jnp.all((points >= 0) & (points < 1), axis=-1)
     inside = inside.reshape(inside.shape + (1,) * (values.ndim - inside.ndim))
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
 
 def tile_size(pixels: int, together: int, mesh: Mesh | None, traced: bool) -> int:
-    """Return the number of pixels per tile: devices have equally many tiles, and few pixels are padding.
+    """Return the number of pixels per tile: devices get equally many tiles, with little padding.
 
-    Derivatives add up tiles, so tiles do not depend on devices where derivatives may be wanted.
+    Derivatives are summed over tiles, so tiles do not depend on devices if there may be derivatives.
     """
     least, count = (_LEAST, devices.FEW) if traced else (1, devices.count(mesh))
     most = min(backends.current().lanes // together, pixels)

@@ -1,4 +1,4 @@
-"""Images without unnecessary samples."""
+"""Adaptive images: no unnecessary samples."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ class AdaptiveImage(NamedTuple):
     counts: NDArray[np.uint32]
     """Shape (height, width): samples taken in each pixel."""
     saving: float
-    """Fraction of all width * height * spp samples that was saved."""
+    """Fraction saved of all width * height * spp samples."""
 
 
 def skip_constant(task: Task, mesh: Mesh | None, progress: Callable[[float], None]) -> AdaptiveImage:
@@ -89,7 +89,7 @@ def _centres(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
 
 @jit("width", "height", "dtype")
 def _codes(scene: Any, width: int, height: int, dtype: np.dtype) -> Array:
-    """Return a word for each pixel: its bits mark the coordinates on which the scene depends there."""
+    """Return a word for each pixel whose bits mark the coordinates on which the scene depends there."""
     x, y = _accumulation.of_image(width, height)
     count = len(scene.needs)
     # Points are rounded, and so are these edges: one unit for the product, one for the reciprocal.

@@ -19,7 +19,7 @@ _PARTS = 8
 """Parts of the points, distributed over devices."""
 
 _BLOCK = 2**10, 2**18
-"""Least and largest number of points on edges that are added up together."""
+"""Smallest and largest number of points on edges that are summed together."""
 
 
 def boundary_gradient(
@@ -50,36 +50,37 @@ def boundary_gradient(
     of both derivatives, is the swept area; motion of p along the edge does not matter. In d dimensions u has
     d - 1 coordinates; their derivatives are the other columns.
 
-    The mean over n points u of a sequence, each in the pixel it hits, over the area of a pixel, is unbiased
-    if every u is uniform; with a low discrepancy sequence a curve's error falls like 1/n.
+    The estimate is the mean over n points u of a sequence, each added to the pixel it hits and divided by the
+    area of a pixel. It is unbiased if every u is uniform; with a low discrepancy sequence the error of a
+    curve falls like 1/n.
 
     Parameters
     ----------
     scene : Scene
         A pytree with parameters and a method ``boundary(u)``: from u, shape (..., len(needs) - 1), to points,
         shape (..., len(needs)), and jumps, shape (...), of finitely many edges. Points outside the unit cube
-        do not count. All parameters must move edges only.
+        are ignored. Parameters must only move edges.
     sequence : Sequence
-        Points u: one dimension for scenes on the plane. Further dimensions are ignored.
+        Points u: one dimension for two-dimensional scenes. Further dimensions are ignored.
     width, height : int, in [1, 65536]
     n : int
         Number of points on the edges of the whole image, in [1, 2**31].
     dtype : float32 or float64
     mesh : jax.sharding.Mesh, optional
-        Devices that share the points, as for :func:`qmcjax.render`. Points are added up in 8 parts, so more
+        Devices that share the points, as for :func:`qmcjax.render`. Points are summed in 8 parts, so more
         than 8 devices do not help. The parts need the memory of 8 results.
 
     Returns
     -------
     Scene
-        The scene with its gradient in place of each parameter: an Array of ``dtype``, shape (height, width)
+        The scene with each parameter replaced by its gradient: an Array of ``dtype``, shape (height, width)
         followed by the shape of the parameter.
 
     Notes
     -----
-    An edge on the border between two pixels moves into either, depending on the direction: only the sum over
-    both has a derivative. Where an edge grazes a border, its points in float32, off by 1e-7, may fall on the
-    wrong side: float64 helps.
+    An edge on the border between two pixels moves into one or the other, depending on the direction: only the
+    sum over both has a derivative. If an edge grazes a border, its points in float32, off by 1e-7, may fall
+    on the wrong side: float64 helps.
 
     References
     ----------
@@ -115,7 +116,7 @@ def boundary_gradient(
     if width * height >= 2**31:
         raise ValueError(f"width times height must be below 2**31, got {width} * {height}")
     least, largest = _BLOCK
-    # Each point has a matrix for each parameter.
+    # Each point has one matrix per parameter.
     numbers = (free + 1) ** 2 * sum(np.size(leaf) for leaf in jax.tree.leaves(scene))
     rows = min(max(width * height, least), max(largest * 16 // max(numbers, 16), least))
     mesh = devices.validate_mesh(mesh)
@@ -194,7 +195,7 @@ def _swept(scene: Any, u: Array) -> Array:
         return scene.boundary(u)[0]
 
     moved = jax.vmap(lambda d: jax.jvp(move, (flat,), (d,))[1])(jnp.eye(flat.size, dtype=u.dtype))
-    # Like u, so that they vary as it does inside jax.shard_map.
+    # Made from u, to vary like u inside jax.shard_map.
     steps = [jnp.zeros_like(u).at[..., j].set(1) for j in range(u.shape[-1])]
     slid = [jax.jvp(slide, (u,), (step,))[1] for step in steps]
     columns = [jnp.broadcast_to(column, moved.shape) for column in slid]

@@ -1,4 +1,4 @@
-"""Motion blur from images: sliding means of an animation, and a moving object in front of a still scene."""
+"""Motion blur from images: sliding means of an animation; a moving object in front of a still scene."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from qmcjax.scenes import as_scene
 def sliding_means(images: Iterable[ArrayLike], count: int) -> Iterator[NDArray[np.float64]]:
     """Yield the mean of the last ``count`` images, for each new image from number ``count`` on.
 
-    Where motion blur is a mean of images at consecutive times, each frame after the first needs one new image
-    instead of ``count``.
+    If motion blur is the mean of images at consecutive times, each frame after the first needs only one new
+    image instead of ``count``.
 
     Parameters
     ----------
     images : iterable of real ArrayLike
         Finite, all of one shape. A generator is consumed lazily.
-    count : int, number of images per frame, in [1, 65536]; so many are kept
+    count : int, number of images per frame, in [1, 65536]; this many are kept
 
     Yields
     ------
     float64 ndarray, shape of the images
-        The mean of ``count`` consecutive images, the oldest added first: it does not depend on earlier
+        The mean of ``count`` consecutive images, summed from the oldest: it does not depend on earlier
         frames. A running sum would accumulate rounding errors.
 
     References
@@ -80,22 +80,22 @@ def render_layers(
     shade: float = 1.0,
     dtype: DTypeLike = jnp.float32,
 ) -> AdaptiveImage:
-    """Render a moving object in front of a still scene, with samples in time only where the object passes.
+    """Render a moving object in front of a still scene, sampling time only where the object passes.
 
     Where it passes, ``spp`` samples in time estimate its coverage of the pixel and the shutter interval. The
-    scene behind it has ``still_spp`` samples there as everywhere, and the coverage weights both. So the noise
-    of the still scene is the same on and off the path of the object, as in the variance invariant method
-    [1]_; with all samples shading both, it would be lower on the path.
+    scene behind it has ``still_spp`` samples everywhere, and the coverage blends both. So the noise of the
+    still scene is the same on and off the path of the object, as in the variance invariant method [1]_. If
+    all samples shaded both, it would be lower on the path.
 
     Parameters
     ----------
     moving : Scene
         Coverage of the object, in [0, 1], with ``varies``; for example :func:`qmcjax.scenes.ball`.
     still : Scene
-        The scene behind it, numbers or colours.
+        The scene behind it, scalar or RGB.
     sampler : Sampler
-        Used for each scene: with as many dimensions as either needs, and ``max(spp, still_spp)`` samples per
-        pixel.
+        Used for both scenes: it must have the dimensions that either needs, and ``max(spp, still_spp)``
+        samples per pixel.
     width, height : int, in [1, 65536]
     spp, still_spp : int, samples for each layer
     shade : float
@@ -110,9 +110,8 @@ def render_layers(
 
     Notes
     -----
-    The mean of a product is replaced by the product of means: where the object covers the pixel unevenly
-    and the still scene varies in the pixel along with it, the result is off by their covariance over the
-    pixel.
+    The mean of a product is replaced by the product of means. If coverage and still scene are correlated
+    within a pixel, the result is off by their covariance over the pixel.
 
     References
     ----------

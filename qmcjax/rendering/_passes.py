@@ -51,14 +51,14 @@ def render_passes(
     checkpoint: str | os.PathLike | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Passes:
-    """Average freshly randomised passes of an image, up to an error or a time limit.
+    """Average independently randomised passes of an image, up to an error or a time limit.
 
     Parameters
     ----------
     scene : Scene, as for :func:`render`
     sampler : Randomized
-        Made by :func:`qmcjax.samplers.randomized`, or any object with ``of_pass(number)``, the sampler of a
-        pass; a pass has ``sampler.spp`` samples per pixel.
+        Made by :func:`qmcjax.samplers.randomized`, or any object with ``of_pass(number)``, which returns the
+        sampler of a pass. A pass has ``sampler.spp`` samples per pixel.
     width, height : int, in [1, 65536]
     passes : int, number of passes, or the maximum, at least 2
     tolerance : float, optional
@@ -67,11 +67,11 @@ def render_passes(
         Stop after two or more passes as soon as this call has taken so long, a positive number.
     dtype : float32 or float64, dtype of the images; passes are added up in float64
     progress : callable, optional
-        Called with the finished part in (0, 1] after each pass: of all passes, of the time, or of the way to
-        the tolerance, whichever is largest.
+        Called with the finished part in (0, 1] after each pass: the largest of the parts of all passes, of
+        the time, and of the way to the tolerance.
     checkpoint : path or Checkpoint, optional
         File that keeps the passes, as for :func:`render`; ``passes``, ``tolerance`` and ``seconds`` may
-        change. Your own function that makes the sampler needs a :class:`qmcjax.Checkpoint` with a label.
+        change. If your own function makes the sampler, pass a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
         ``seconds``.
@@ -79,11 +79,11 @@ def render_passes(
     Notes
     -----
     For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` both are
-    biased: stopping depends on the passes so far, and errors are underestimated as long as no rare event has
-    occurred. Means are then too small for values that are rarely large, and variances are always too small.
-    The bias vanishes with the tolerance; it is smallest where the number of passes hardly varies, as for many
-    pixels that share the criterion. For an unbiased result, find the number of passes with one key, and
-    render that many with another.
+    biased: stopping depends on the passes so far, and errors are underestimated until a rare event occurs.
+    Means are then too small for values that are rarely large, and variances are always too small. The bias
+    vanishes with the tolerance; it is smallest if the number of passes hardly varies, as for many pixels that
+    share the criterion. For an unbiased result, find the number of passes with one key, and render that many
+    with another.
 
     References
     ----------
@@ -122,7 +122,7 @@ def render_passes(
         state = _resumed(saved.state, passes)
 
     def finished(state: _State) -> float:
-        """Return the finished part, by the criterion that stops first."""
+        """Return the finished part, by the criterion that will stop first."""
         parts = [state.done / passes]
         if state.done > 1 and tolerance is not None:
             parts.append((float(tolerance) / max(float(state.error), float(tolerance))) ** 2)
@@ -133,7 +133,7 @@ def render_passes(
     part = 0.0 if state is None else finished(state)
     while part < 1:
         number = 0 if state is None else state.done
-        # Outside the context, which changes float32 programs.
+        # Outside the x64 context, which changes float32 programs.
         image = render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype, mesh=mesh)
         with jax.enable_x64(True):
             state = _first(image) if state is None else _updated(image, state)
@@ -188,7 +188,7 @@ def _added(image: Array, mean: Array, variance: Array, n: Array) -> tuple[Array,
 
 
 REPLICATES = 16
-"""Number of independent images to average: the standard error of the mean is known to about 18 %."""
+"""Number of independent images to average, which gives the standard error to about 18 %."""
 
 _DEVIATIONS = 5
 """The bound in standard errors."""
@@ -208,7 +208,7 @@ def estimated_reference(
 ) -> tuple[NDArray[np.float64], float]:
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.
 
-    Each replicate has ``spp / 16`` samples in every pixel, points of the Sobol' sequence, Owen-scrambled
+    Each replicate has ``spp / 16`` samples in every pixel: points of the Sobol' sequence, Owen-scrambled
     independently for each pixel and replicate. So the estimate is unbiased up to rounding, and the variance
     of the replicates gives its standard error.
 
@@ -216,7 +216,7 @@ def estimated_reference(
     ----------
     scene : Scene
     width, height : int, in [1, 65536]
-    spp : int, samples per pixel of all replicates together, a multiple of 16; best 16 times a power of 2
+    spp : int, samples per pixel of all replicates together, a multiple of 16, preferably a power of 2
     key : jax.random.key, or int in [0, 2**32)
     dtype : float32 or float64, of points, values and the sums of a replicate
     progress : callable, optional, called with the finished part in (0, 1], several times in a long run
@@ -231,10 +231,9 @@ def estimated_reference(
 
     Notes
     -----
-    The bound holds with a probability that depends on the scene: for errors that are nearly normal, a value
-    with the largest standard error exceeds it with a probability of 1.6e-4, by Student's distribution with 15
-    degrees of freedom. It does not cover features that no sample has hit, such as a light hit by one sample
-    in a million.
+    The bound is probabilistic and depends on the scene: if errors are nearly normal, a value with the largest
+    standard error exceeds it with probability 1.6e-4, by Student's distribution with 15 degrees of freedom.
+    It does not cover features that no sample has hit, such as a light hit by one sample in a million.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""From a scene and a sampler to an image."""
+"""Rendering an image from a scene and a sampler."""
 
 import os
 from collections.abc import Callable
@@ -34,7 +34,7 @@ def render(
 ) -> Array:
     """Average the samples of each pixel (box filter).
 
-    Memory is proportional to the number of pixels and does not depend on the number of samples, also for
+    Memory is proportional to the number of pixels and does not depend on the number of samples, even for
     gradients with respect to the parameters of the scene.
 
     Parameters
@@ -52,12 +52,12 @@ def render(
         Called with the finished part in (0, 1], several times in a long run; not inside ``jax.jit``.
     checkpoint : path or Checkpoint, optional
         File that keeps finished work, written every 30 seconds and at the end. Calling the function again
-        resumes from it, with bit-identical results. The file is not deleted. Foreign code, such as your own
-        scene, needs a :class:`qmcjax.Checkpoint` with a label. Not inside ``jax.jit``.
+        resumes from it, with bit-identical results. The file is not deleted. With your own code, such as a
+        scene, pass a :class:`qmcjax.Checkpoint` with a label. Not inside ``jax.jit``.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
         process, or of several that all make the same call. Image and derivatives are bit-identical on any
-        devices, and complete in each process. By default the default device of JAX.
+        number of devices, and complete in each process. By default the default device of JAX.
 
     Returns
     -------
@@ -67,11 +67,11 @@ def render(
     Raises
     ------
     ValueError
-        If the scene returns a value that is not finite: the message names the pixel, the sample and the
-        point. If ``checkpoint`` is damaged, lacks a label, or belongs to another scene, sampler, size, dtype,
-        label, version or flag of JAX.
+        If the scene returns NaN or infinity; the message names the pixel, the sample and the point. If
+        ``checkpoint`` is damaged, lacks a label, or belongs to another scene, sampler, size, dtype, label,
+        version or flag of JAX.
     OSError
-        If ``checkpoint`` cannot be written at the start. Later failures are a RuntimeWarning.
+        If ``checkpoint`` cannot be written at the start. Later failures emit a RuntimeWarning.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def render_task(
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     traced, backend = task.traced, backends.current()
     with checks.precision(dtype):
-        # Values are added pairwise before the compensated sum: memory traffic dominates.
+        # Add values pairwise before the compensated sum: memory traffic dominates.
         batch, together = in_one_pass(scene, sampler, spp, dims)
         pair = devices.place((scene, sampler), mesh)
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
@@ -121,7 +121,7 @@ def render_task(
 def _at_once(
     pair: tuple[Any, Any], spp: Array, how: _accumulation.How, traced: bool, by_rows: bool
 ) -> tuple[Array, Array]:
-    """Return the image and whether it is finite, by one program: starting more takes its time."""
+    """Return the image and whether it is finite, by one program, since each start takes time."""
     pixels = how.width * how.height
     tiles = jnp.arange(-(-pixels // how.size), dtype=jnp.uint32) * np.uint32(how.size)
     mapped = devices.differentiable if traced else devices.mapped
@@ -138,7 +138,7 @@ def _in_calls(
     progress: Callable[[float], None] | None,
     saved: checkpoints.File | None,
 ) -> tuple[Array, Array]:
-    """Return the same by several programs, at most ``at_a_time`` tiles by each."""
+    """Return the same by several calls of a program, each for at most ``at_a_time`` tiles."""
     mesh, size, samples_of_call = how.mesh, how.size, backends.current().samples
     pixels = how.width * how.height
     image, finished, state, samples = None, 0, None, 0
@@ -208,7 +208,7 @@ def _written(image: Array, part: Array, begin: Array) -> Array:
 def _shaped(image: Array, shape: tuple[int, ...], by_rows: bool) -> tuple[Array, Array]:
     """Return the pixels as an image, and whether all are finite.
 
-    ``by_rows``: one row after the other, or XLA for processors would allocate one byte per pixel.
+    ``by_rows``: row by row, since XLA on CPUs would allocate one byte per pixel.
     """
     image = image.reshape(shape)
     if not by_rows:

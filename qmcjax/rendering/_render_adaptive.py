@@ -1,4 +1,4 @@
-"""From a scene and a sampler to an image, without unnecessary samples."""
+"""Rendering an image without unnecessary samples."""
 
 from collections.abc import Callable
 from typing import Any
@@ -26,10 +26,10 @@ def render_adaptive(
     unbiased: bool = False,
     mesh: Mesh | None = None,
 ) -> AdaptiveImage:
-    """Average the samples of each pixel that the scene needs.
+    """Average only the samples that each pixel needs.
 
-    Where ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken; where it proves
-    that the scene does not depend on a coordinate, such as time or the lens, that coordinate is not sampled,
+    If ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken. If it proves that
+    the scene does not depend on a coordinate, such as time or the lens, that coordinate is not sampled,
     unless ``scene.unrolled`` is 1, as for ray-traced scenes: another program would take long to compile. All
     other samples are those of :func:`qmcjax.render`, and so are the means up to rounding. Scenes without
     ``varies`` are sampled everywhere.
@@ -48,11 +48,11 @@ def render_adaptive(
         it has ``spp`` samples. At least four passes are taken. Positive.
     unbiased : bool
         With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
-        the image. Otherwise a pixel whose first passes happen to agree stops early, and rare bright values
-        are underestimated. ``counts`` has the samples of both. The error is then a prediction from four
-        passes: a few pixels remain above the tolerance.
+        the image; ``counts`` includes them. The error is then a prediction from four passes: a few pixels
+        remain above the tolerance. Otherwise a pixel whose first passes happen to agree stops early, and rare
+        bright values are underestimated.
     mesh : jax.sharding.Mesh, optional
-        Devices that share the pixels that are sampled, as for :func:`qmcjax.render`.
+        Devices that share the sampled pixels, as for :func:`qmcjax.render`.
 
     Returns
     -------
@@ -63,13 +63,13 @@ def render_adaptive(
     Raises
     ------
     TypeError
-        If scene or sampler are traced: where to stop depends on values.
+        If scene or sampler are traced: stopping depends on values.
     ValueError
         As for :func:`qmcjax.render`.
 
     Notes
     -----
-    Constant pixels are known before any sample is taken, so skipping samples adds no bias.
+    Constant pixels are determined before any sample is taken, so skipping samples adds no bias.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Checked arguments of a rendering, and the bar that shows its progress."""
+"""Validated arguments of rendering, and the progress bar."""
 
 import math
 import sys
@@ -22,7 +22,7 @@ _SEARCHED = 2**16
 
 
 class Task(NamedTuple):
-    """A scene and a sampler that fit each other and the image."""
+    """A scene and a sampler that match each other and the image."""
 
     scene: Any
     sampler: Any
@@ -57,7 +57,7 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
 
 
 def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> tuple[int, int]:
-    """Return how many samples of a pixel a thread evaluates, and how many such batches lie along an axis.
+    """Return the number of samples that a thread evaluates, and the number of such batches along an axis.
 
     Their product divides ``spp``.
     """
@@ -101,7 +101,7 @@ def refuse(task: Task, image: Array | NDArray) -> None:
 
 
 def check_progress(progress: Any, task: Task) -> None:
-    """Raise unless ``progress`` is None, or a function outside of ``jax.jit``."""
+    """Raise unless ``progress`` is None, or a function outside ``jax.jit``."""
     checks.progress(progress)
     if progress is not None:
         _check_outside("progress", progress, task)
@@ -110,7 +110,7 @@ def check_progress(progress: Any, task: Task) -> None:
 def open_checkpoint(
     checkpoint: Any, function: str, task: Task, mesh: Mesh | None, **made_of: Any
 ) -> checkpoints.File | None:
-    """Return the checkpoint of a result that depends on a task and further arguments."""
+    """Return the checkpoint for a result that depends on a task and further arguments."""
     if checkpoint is None:
         return None
     _check_outside("checkpoint", checkpoint, task)
@@ -128,9 +128,9 @@ def _check_outside(name: str, value: Any, task: Task) -> None:
 
 
 def progress_bar(label: str = "") -> Callable[[float], None]:
-    """Return a bar with the remaining time, for any argument ``progress``.
+    """Return a progress bar with the remaining time, for any argument ``progress``.
 
-    It is drawn to ``sys.stderr`` in a terminal or a notebook only: logs of batch jobs stay short.
+    It is drawn on ``sys.stderr``, only in a terminal or notebook, to keep logs of batch jobs short.
 
     Parameters
     ----------
@@ -140,9 +140,9 @@ def progress_bar(label: str = "") -> Callable[[float], None]:
     Returns
     -------
     callable
-        A function of the finished part, in [0, 1]. The part finished at the first call, such as work found in
-        a checkpoint, does not count for the remaining time. After 1, or after a smaller part than before, a
-        new bar begins.
+        A function of the finished part, in [0, 1]. The part finished at the first call, such as work from a
+        checkpoint, does not count for the remaining time. After 1, or when the part decreases, a new bar
+        begins.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""When independent passes may stop at a tolerance, in pixels or in tiles; passes in each pixel up to it."""
+"""Stopping independent passes at a tolerance."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,7 +22,7 @@ _PILOT_KEY = 2**32 - 1
 
 
 def check_passes(sampler: Any, spp: int, tolerance: Any, unbiased: bool) -> None:
-    """Raise unless passes of the sampler, up to ``spp`` samples, can be stopped by this tolerance."""
+    """Raise unless this tolerance can stop passes of the sampler, up to ``spp`` samples."""
     checks.positive("tolerance", tolerance)
     if np.ndim(tolerance):
         raise TypeError(f"tolerance must be one number for all pixels, got {checks.shown(tolerance)}")
@@ -40,12 +40,12 @@ def check_passes(sampler: Any, spp: int, tolerance: Any, unbiased: bool) -> None
 
 
 def pilot_of(sampler: Randomized) -> Randomized:
-    """Return passes that decide on those of the sampler, and are independent of them."""
+    """Return pilot passes, independent of those of the sampler, which decide their number."""
     return replace(sampler, key=jax.random.fold_in(sampler.key, _PILOT_KEY))
 
 
 def passes_needed(variance: NDArray[np.float64], tolerance: float, most: int) -> NDArray[np.int64]:
-    """Return how many passes of this variance have a mean with this standard error: in [1, most]."""
+    """Return the number of passes of this variance for this standard error of the mean, in [1, most]."""
     return np.clip(np.ceil(variance / tolerance / tolerance), 1, most).astype(np.int64)
 
 
@@ -112,7 +112,7 @@ class _Moments:
     def variance(self) -> NDArray[np.float64]:
         """Return the variance of a pass: the largest among a pixel, its eight neighbours and all channels.
 
-        A few passes of one pixel may agree by chance, where an edge cuts off a corner; all nine rarely do.
+        A few passes of one pixel may agree by chance if an edge cuts off a corner; all nine rarely do.
         """
         of_pixel = (self.squares.T / np.maximum(self.count - 1, 1)).T.reshape(self.shape)
         padded = np.pad(of_pixel.reshape(*self.shape[:2], -1).max(axis=2), 1)

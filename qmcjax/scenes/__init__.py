@@ -1,7 +1,7 @@
 """Scenes: functions on the unit cube with named dimensions, and exact images of them.
 
-Arguments known before tracing are checked: TypeError and ValueError name the argument, what it must be and
-what was given.
+Arguments known before tracing are checked: a TypeError or ValueError names the argument, the requirement and
+the value.
 """
 
 import importlib
@@ -74,7 +74,7 @@ else:
     )
 
     def __getattr__(name: str) -> typing.Any:
-        """Import ray-traced scenes on first use: with `qmcjax.tracing` they are half of the library."""
+        """Import ray-traced scenes at first use: with `qmcjax.tracing` they are half of the library."""
         if name not in ("traced", *_TRACED):
             raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
         module = importlib.import_module("qmcjax.scenes.traced")

@@ -1,9 +1,9 @@
 """A disc on a path with jumps, and its exact pixel means, in NumPy and float64.
 
-At any time the mean is the area of the disc within the pixel. Over time it is analytic except where the
-circle passes a corner of the pixel or touches one of its edges; there it grows like the power 3/2 of the time
-since. Between these times the substitution ``s**2 (3 - 2 s)`` removes these powers, and Gauss-Legendre
-quadrature converges fast.
+At any time the mean is the area of the disc within the pixel. As a function of time it is analytic, except
+when the circle passes a corner of the pixel or touches one of its edges; it then grows like the elapsed time
+to the power 3/2. Between these times the substitution ``s**2 (3 - 2 s)`` removes these powers, and
+Gauss-Legendre quadrature converges fast.
 """
 
 from typing import Any
@@ -24,13 +24,13 @@ Floats = NDArray[np.float64]
 
 _NODES = 32
 _CHUNK = 2**12
-"""Number of pixels that are integrated at a time: fits the cache."""
+"""Number of pixels integrated at a time, to fit the cache."""
 
 
 def swept_means(
     start: Floats, way: Floats, radius: float, width: int, height: int, nodes: int = _NODES
 ) -> tuple[Floats, float]:
-    """Return the means over time and pixels of a disc whose centre moves from ``start`` by ``way``."""
+    """Return the means, over time and pixels, of a disc with its centre moving from ``start`` by ``way``."""
     size = 1 + float(abs(start).max() + abs(way).max()) + radius
     bound = 5e-13 + 8 * EPS * size * max(width, height)
     x, y = np.arange(width + 1) / width, np.arange(height + 1) / height
@@ -49,7 +49,7 @@ def swept_means(
 
 
 def _integrals(start: Floats, way: Floats, radius: float, box: tuple[Floats, ...], nodes: int) -> Floats:
-    """Integrate the area within each of some boxes over time."""
+    """Integrate the area within each box over time."""
     cuts = np.sort(np.stack(_kinks(start, way, radius, box), axis=1), axis=1)
     length = np.diff(cuts, axis=1)
     which, piece = np.nonzero(length > 0)
@@ -85,7 +85,7 @@ def _kinks(start: Floats, way: Floats, radius: float, box: tuple[Floats, ...]) -
 def _sides(
     start: Floats, way: Floats, radius: float, x: Floats, y: Floats
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return pixels that the disc certainly never touches or always covers, by circles around them."""
+    """Return the pixels that the disc never touches and those it always covers, conservatively by circles."""
     inside = np.ones((len(y) - 1, len(x) - 1), bool)
     for end in (start, start + way):
         dx, dy = abs(x - end[0]), abs(y - end[1])
@@ -181,9 +181,9 @@ class Ball(ExactScene):
 
 
 def _beside(low: Array, high: Array, a: tuple[Array, Array], b: tuple[Array, Array], radius: Array) -> Array:
-    """Return which boxes a disc certainly does not touch while its centre moves from ``a`` to ``b``.
+    """Return the boxes that a disc certainly does not touch while its centre moves from ``a`` to ``b``.
 
-    A box is replaced by its circumscribed disc.
+    Boxes are replaced by their circumscribed discs.
     """
     mx, my = 0.5 * (low[..., 0] + high[..., 0]) - a[0], 0.5 * (low[..., 1] + high[..., 1]) - a[1]
     wx, wy = b[0] - a[0], b[1] - a[1]
@@ -209,8 +209,8 @@ def ball(
     starts : float array, shape (lines, 2)
         Position of the centre at the start of each line; 1 to 64 lines.
     ends : float array, shape (lines, 2), or None
-        Position at the end of each line. None for no motion in between: with a single line the scene then
-        does not need time.
+        Position at the end of each line. None for no motion along the lines: with a single line the scene
+        then does not need time.
     times : float array, shape (lines - 1,)
         Start times of all lines but the first, increasing between 0 and 1.
     radius : float, positive

@@ -22,20 +22,20 @@ EPS = float(np.finfo(float).eps)
 class Scene(Protocol):
     """A pure function from a point to a value. Any object with ``needs`` and a call is a scene.
 
-    Dimensions 0 and 1 are the position on the screen: x to the right, y downward, so that pixel
-    ``(x, y)`` covers ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
+    Dimensions 0 and 1 are the position on the screen, x to the right and y downward: pixel ``(x, y)`` covers
+    ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
 
-    A scene may have more attributes, ``reference`` and:
+    Optional attributes are ``reference`` and:
 
     - ``varies(low, high)``, from opposite corners of boxes of points, shape (..., len(needs)), to a bool
       Array of that shape: False in place j guarantees that within the box the value does not depend on
-      coordinate j. All False: it is constant.
+      coordinate j. If all are False, the value is constant.
     - ``boundary(u)``, the edges where the value jumps; see :func:`qmcjax.boundary_gradient`.
     - ``unrolled``, an int: the maximum number of samples evaluated together in one program. It is 1 for
       scenes with a long program.
     - ``reference_gradient(width, height)``, the exact derivatives of the pixel means with respect to the
-      parameters, in the form that :func:`qmcjax.boundary_gradient` returns but in float64, and a bound on
-      their errors.
+      parameters, as :func:`qmcjax.boundary_gradient` returns them but in float64, and a bound on their
+      errors.
     """
 
     needs: ClassVar[tuple[str, ...]]
@@ -55,12 +55,12 @@ class Scene(Protocol):
         ...
 
     def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the mean over each pixel and a bound on the absolute error of every one of them."""
+        """Return the mean over each pixel, and a bound on the absolute error of every pixel."""
         ...
 
 
 def _takes_points(method: Callable[..., Any], names: tuple[str, ...]) -> Callable[..., Any]:
-    """Return a method of a scene that checks the points it is given."""
+    """Wrap a method of a scene with a check of its points."""
     parameters = inspect.signature(method)
 
     @wraps(method)
@@ -73,7 +73,7 @@ def _takes_points(method: Callable[..., Any], names: tuple[str, ...]) -> Callabl
 
 
 class ExactScene(abc.ABC):
-    """A scene of this package, with known pixel means; see `Scene` for its attributes."""
+    """A scene with known pixel means; see `Scene` for its attributes."""
 
     def __init_subclass__(cls) -> None:
         for name, points in {"__call__": ("point",), "varies": ("low", "high"), "boundary": ("u",)}.items():
@@ -86,14 +86,14 @@ class ExactScene(abc.ABC):
         Parameters
         ----------
         width, height : int
-            The resolution in pixels, each in [1, 65536]. The mean over 1 x 1 pixels is the integral.
+            The resolution in pixels, each in [1, 65536]. The mean for 1 x 1 pixels is the integral.
 
         Returns
         -------
         image : float64 ndarray, shape (height, width)
         bound : float
-            On the absolute error of every pixel. It is nearly all rounding: mostly below 2e-12 at 512 x 512,
-            in proportion to the resolution.
+            Bound on the absolute error of every pixel. Rounding dominates: the bound is proportional to the
+            resolution, and mostly below 2e-12 at 512 x 512.
         """
         width, height = checks.image_size(width, height)
         return self._pixel_means(width, height)
@@ -111,8 +111,8 @@ def in_float64(scene: Any) -> Any:
 def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
     """Return the scene with all parameters in ``dtype``, guarded against differentiation.
 
-    A parameter that moves an edge changes the value only on the edge: its plain derivative is 0 almost
-    everywhere, and wrong.
+    A parameter that moves an edge changes the value only on the edge: its plain derivative, 0 almost
+    everywhere, is wrong.
     """
     leaves, tree = jax.tree_util.tree_flatten_with_path(scene)
     name = type(scene).__name__
@@ -122,5 +122,5 @@ def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
 
 
 def dimension_names(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
-    """Return the names of all dimensions: those without a meaning are named u2, u3, ..."""
+    """Return the names of all dimensions; those without a meaning are called u2, u3, ..."""
     return (*names, *(f"u{j}" for j in range(len(names), dims)))[:dims]

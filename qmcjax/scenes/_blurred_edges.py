@@ -1,14 +1,14 @@
-r"""Half planes whose edge is blurred: by motion, out of focus, or in the shadow of a light with an area.
+r"""Half planes with edges blurred by motion, by defocus, or as the shadow from an area light.
 
 Pixel means are exact, in NumPy and float64. With the unit vector ``n`` across the edge and a random
 displacement ``B``, the mean over a pixel is the probability of ``n . p + B < offset`` for ``p`` uniform in
-the pixel. So it is
+the pixel:
 
     \int f(s) C(d - s) ds,
 
 where ``d`` is the offset from the pixel's centre, ``f`` the density of ``n . p`` about the centre, a
-trapezoid, and ``C`` the distribution function of ``B``. On each piece between their kinks the integrand is
-polynomial or analytic, and Gauss-Legendre quadrature exact. All terms are positive.
+trapezoid, and ``C`` the distribution function of ``B``. Between the kinks of ``f`` and ``C`` the integrand is
+polynomial or analytic, and Gauss-Legendre quadrature is exact. All terms are positive.
 """
 
 import abc
@@ -35,9 +35,9 @@ Floats = NDArray[np.float64]
 def smeared_by_box(
     angle: float, offset: float, widths: tuple[float, float], width: int, height: int, scale: float = 1.0
 ) -> tuple[Floats, float]:
-    """Return the means for a ``B`` that is the sum of two uniform distributions of these widths about 0.
+    """Return the means if ``B`` is the sum of two uniform distributions of these widths about 0.
 
-    The image is shrunk by ``scale`` about its centre.
+    The image is scaled by ``scale`` about its centre.
     """
     large, small = max(widths), min(widths)
     nodes, weights = np.polynomial.legendre.leggauss(2)  # both factors are quadratic at most, one linear
@@ -61,7 +61,7 @@ def smeared_by_box(
 def smeared_by_disc(
     angle: float, offset: float, radius: float, width: int, height: int
 ) -> tuple[Floats, float]:
-    """Return the means for a ``B`` that is a coordinate of a uniform point in a disc of this radius.
+    """Return the means if ``B`` is a coordinate of a uniform point in a disc of this radius.
 
     With ``B = radius sin(phi)`` its distribution function is ``1/2 + (phi + sin(phi) cos(phi)) / pi``.
     """
@@ -93,10 +93,10 @@ def _image(
     scale: float,
     spread: float,
 ) -> tuple[Floats, float]:
-    """Return the means of the pixels that the blurred edge meets, and 0 and 1 elsewhere; and a bound.
+    """Return the means of the pixels that the blurred edge meets, 0 and 1 elsewhere, and a bound.
 
-    The error of distances is a few units of rounding, and that of means is the same times the largest density
-    of ``n . p + B``: 1 over the width of a pixel, or over ``spread``, that of ``B``.
+    The error of distances is a few units of rounding. The error of means is the same times the largest
+    density of ``n . p + B``: 1 over the width of a pixel, or over ``spread``, that of ``B``.
     """
     d, large, small = depths(angle, offset, width, height, scale)
     image = (d > 0).astype(float)
@@ -107,11 +107,11 @@ def _image(
 
 
 class BlurredEdge(ExactScene):
-    """A half plane whose edge moves with coordinates beyond the position on the screen."""
+    """A half plane with an edge that moves with coordinates other than the position on the screen."""
 
     @abc.abstractmethod
     def _edge(self) -> tuple[Any, list[Any]]:
-        """Return constant and slopes of a linear function of the point; its sign is the value."""
+        """Return constant and slopes of a linear function of the point; its sign determines the value."""
 
     def varies(self, low: Array, high: Array) -> Array:
         constant, slopes = cast(self, low.dtype)._edge()
@@ -126,7 +126,7 @@ class MovingEdge(BlurredEdge):
     offset: Any
     """Position of the edge when the shutter opens."""
     velocity: Any
-    """Distance until the shutter closes; None is still and does not need time."""
+    """Distance until the shutter closes; None is a still edge and does not need time."""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -147,14 +147,14 @@ class MovingEdge(BlurredEdge):
 
 
 def moving_edge(offset: Any = 0.3, velocity: Any = 0.4) -> MovingEdge:
-    """Return a half plane to the left of an edge that moves to the right while the shutter is open.
+    """Return a half plane, to the left of an edge that moves to the right while the shutter is open.
 
     Parameters
     ----------
     offset : float, position of the edge when the shutter opens, at time 0
     velocity : float or None
-        Distance until the shutter closes, at time 1, in widths of the image; negative to the left. None is
-        still: the scene then does not need time.
+        Distance until the shutter closes, at time 1, in image widths; negative to the left. None is a still
+        edge: the scene then does not need time.
 
     Examples
     --------
@@ -219,10 +219,10 @@ class DefocusedEdge(BlurredEdge):
 def defocused_edge(
     angle: Any = 0.4, offset: Any = 0.6, blur: Any = 0.15, aperture: str = "disc"
 ) -> DefocusedEdge:
-    """Return a half plane seen by a camera that is focused at another distance.
+    """Return a half plane seen out of focus.
 
     Through the point ``q`` of the aperture, at most 1 from its centre in each direction, the camera sees the
-    point ``p + blur q``. The value is 1 where this has ``x cos(angle) + y sin(angle) < offset``.
+    point ``p + blur q``. The value is 1 where this point has ``x cos(angle) + y sin(angle) < offset``.
 
     Parameters
     ----------
@@ -281,8 +281,8 @@ class SoftShadow(BlurredEdge):
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
         """Convolve two rectangles.
 
-        Rays to the centre of the light pass the half plane at ``(1 - height) p``, up to a constant: a shrunk
-        image, which keeps all digits where the half plane is near the light.
+        Up to a constant, rays to the centre of the light pass the half plane at ``(1 - height) p``: a scaled
+        image, accurate even if the half plane is near the light.
         """
         scene = in_float64(self)
         angle, up = float(scene.angle), float(scene.height)
@@ -295,17 +295,17 @@ class SoftShadow(BlurredEdge):
 def soft_shadow(
     angle: Any = 0.4, offset: Any = 0.6, height: Any = 0.4, light: Any = (0.5, 0.3)
 ) -> SoftShadow:
-    """Return the ground below a half plane with a rectangular light above.
+    """Return the soft shadow of a half plane below a rectangular light.
 
-    The image is the ground, seen from above. The light is parallel to it at height 1, with its centre above
-    that of the image. The half plane is parallel to both at the given height and covers ``x cos(angle) + y
-    sin(angle) < offset``. The value is 1 where the point ``p`` on the ground sees the point ``q`` of the
-    light, that is, where ``(1 - height) p + height q`` is not in the half plane.
+    The image is the ground, seen from above. The light is parallel to it at height 1, centred above the
+    image. The half plane is parallel to both at the given height and covers ``x cos(angle) + y sin(angle) <
+    offset``. The value is 1 where the point ``p`` on the ground sees the point ``q`` of the light, that is,
+    where ``(1 - height) p + height q`` is not in the half plane.
 
     Parameters
     ----------
     angle : float
-        The direction from the half plane to its outside, in radians from x to y.
+        The direction out of the half plane, in radians from x to y.
     offset : float
         The distance of its edge from the point above the corner (0, 0) along that direction.
     height : float

@@ -31,10 +31,10 @@ from qmcjax.scenes._base import EPS
 Floats = NDArray[np.float64]
 
 _HORIZON = 1024
-"""Smallest ``u`` from which on periods are summed: before it the Taylor series are too short."""
+"""Smallest ``u`` for the sum over periods: below it the Taylor series are too short."""
 
 _CHUNK = 2**17
-"""Number of (column edge, piece) pairs in memory at a time: fits the cache."""
+"""Number of (column edge, piece) pairs in memory at a time, to fit the cache."""
 
 
 def pixel_means(
@@ -42,8 +42,7 @@ def pixel_means(
 ) -> tuple[NDArray[np.float64], float]:
     """Return the means over all pixels, shape (height, width), and a bound on their errors.
 
-    ``horizon`` is the smallest ``u`` from which on the pattern is summed by periods; the result does not
-    depend on it.
+    From ``u = horizon`` on, the pattern is summed by periods; the result does not depend on it.
     """
     period = (2 if width % 2 == 0 else 4) * width
     if squares * height > 2.0**52:  # then |mean - 1/2| <= the bound, by the second mean value theorem
@@ -137,9 +136,9 @@ def _to_horizon(distances: NDArray[np.int64], width: int, period: int, first: in
 def _bound(squares: float, width: int, height: int, first: float) -> float:
     """Bound the truncation of the Taylor series and the rounding.
 
-    The first left-out term is at most ``15 n**-7 x**4`` on the square from ``n`` on; integrated over all
-    squares it is below ``0.04 first**-6``, for each of two column edges and at most two row edges. Rounding:
-    the means are ``width`` times differences of terms that have relative errors of a few units each.
+    The first omitted term is at most ``15 n**-7 x**4`` on the square that starts at ``n``; integrated over
+    all squares it is below ``0.04 first**-6``, for each of two column edges and at most two row edges.
+    Rounding: the means are ``width`` times differences of terms with relative errors of a few units each.
     """
     truncation = 0.08 * width * height * squares * first**-6
     return truncation + 16 * width * EPS

@@ -22,7 +22,7 @@ class Checkerboard(ExactScene):
 
     At depth ``Z = squares / y`` and lateral position ``X = (x - 1/2) Z`` the value is 1 where
     ``floor(X) + floor(Z)`` is even and 0 elsewhere. Where squares are too fine for floating point numbers,
-    ``Z >= 1 / (2 eps)`` (2**22 in float32), it is their mean 1/2.
+    ``Z >= 1 / (2 eps)`` (2**22 in float32), the value is their mean 1/2.
     """
 
     squares: Array | float
@@ -52,9 +52,9 @@ class Checkerboard(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Raise a ValueError: see `qmcjax.boundary_gradient`.
 
-        There are infinitely many edges towards the horizon. Their contributions add up to a derivative only
-        by cancellation: the sum of absolute values is infinite, ``1/k`` for the line ``Z = k`` alone, so no
-        estimator that samples the edges one by one has a mean.
+        There are infinitely many edges towards the horizon. Their contributions converge to the derivative
+        only by cancellation: the sum of absolute values is infinite, with ``1/k`` for the line ``Z = k``
+        alone, so no estimator that samples single edges has a mean.
         """
         raise ValueError(
             "scene must have finitely many edges, got a Checkerboard: towards the horizon they sweep an "
@@ -75,8 +75,8 @@ def checkerboard(squares: Array | float = 8.0) -> Checkerboard:
 
     Notes
     -----
-    Section 6.1.1 shows the scene without a formula. We chose the camera: it looks along the ground plane,
-    with the horizon at the upper edge of the image, and squares are as deep as they are wide.
+    Section 6.1.1 shows the scene without a formula. The camera is our choice: it looks along the ground
+    plane, with the horizon at the upper edge of the image, and squares are as deep as they are wide.
 
     References
     ----------
@@ -129,7 +129,7 @@ class FlatCheckerboard(ExactScene):
         """Return points on the edges and the jumps there; see `qmcjax.boundary_gradient`.
 
         All lines ``X = k`` and ``Y = k`` that meet the image are sampled equally often. The side of smaller X
-        or Y is on the left of a line's direction.
+        or Y lies to the left of a line's direction.
         """
         scene = cast(self, u.dtype)
         cosine, sine = jnp.cos(scene.angle), jnp.sin(scene.angle)

@@ -1,4 +1,4 @@
-"""Discs: still, and visible for a part of the time."""
+"""Discs: still, or visible for a part of the time."""
 
 import math
 from typing import Any, ClassVar
@@ -24,7 +24,7 @@ def disc_in_boxes(
     """Return the areas of the discs around (cx, cy) of radius r within the boxes [x0, x1] x [y0, y1].
 
     All arguments broadcast; ``r > 0``, ``x0 <= x1`` and ``y0 <= y1``. Only areas within the box are
-    subtracted: the error is a few units of rounding of the coordinates times the sides of the box.
+    subtracted, so the error is a few units of rounding of the coordinates times the sides of the box.
     """
     cx, cy, r, x0, x1, y0, y1 = (np.asarray(a, dtype=np.float64) for a in (cx, cy, r, x0, x1, y0, y1))
     left, right, top, bottom = x0 - cx, x1 - cx, y0 - cy, y1 - cy
@@ -37,7 +37,7 @@ def disc_in_boxes(
 def _quarter_in_boxes(r: Floats, x0: Floats, x1: Floats, y0: Floats, y1: Floats) -> Floats:
     """Return the areas of the quarter disc ``x, y >= 0`` within boxes that lie in this quadrant.
 
-    From ``x0`` to ``a`` the arc is above the box, up to ``b`` inside, and then below.
+    The arc is above the box from ``x0`` to ``a``, inside it up to ``b``, and then below.
     """
     a = np.clip(_leg(r, y1), x0, x1)
     b = np.clip(_leg(r, y0), x0, x1)
@@ -58,7 +58,7 @@ _SERIES = (1 / 6, -1 / 120, 1 / 5040, -1 / 362880, 1 / 39916800, -1 / 6227020800
 
 
 def arc_over_chord(r: Floats, chord: Floats) -> Floats:
-    """Return the area between a chord and its minor arc, relatively exact for the shortest chords, too."""
+    """Return the area between a chord and its minor arc, with small relative error even for short chords."""
     angle = 2 * np.arcsin(np.minimum(chord / (2 * r), 1))
     squared = angle * angle
     series = np.zeros_like(squared)
@@ -92,7 +92,7 @@ class Disc(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Return points on the circle and the jumps there; see `qmcjax.boundary_gradient`.
 
-        The circle is cut where it leaves the image, at eight angles at most. Its visible arcs are sampled.
+        The circle is cut where it leaves the image, at up to eight angles. Its visible arcs are sampled.
         """
         scene = cast(self, u.dtype)
         x, y, radius = jax.lax.stop_gradient((scene.centre[0], scene.centre[1], scene.radius))
@@ -124,8 +124,8 @@ class Disc(ExactScene):
     def reference_gradient(self, width: int, height: int) -> tuple["Disc", float]:
         """Return the exact derivatives of the pixel means; see `Scene`.
 
-        A moving circle sweeps the integral of its normal (cos, sin) over the arcs in a pixel, a growing one
-        their length.
+        A moving circle sweeps the integral of its normal (cos, sin) over the arcs in a pixel; a growing
+        circle sweeps their length.
         """
         width, height = checks.image_size(width, height)
         scene = in_float64(self)
@@ -134,7 +134,7 @@ class Disc(ExactScene):
         down = (np.arange(height + 1) / height - scene.centre[1]) / radius
         beside, above = np.arccos(np.clip(across, -1, 1)), np.arcsin(np.clip(down, -1, 1))
         cuts = np.concatenate([beside, -beside, above, math.pi - above]) % (2 * math.pi)
-        # Near a border that is a tangent, angles change like the square root of distances.
+        # Near a tangent border, angles change like the square root of distances.
         off = 4 * EPS * (1 + self._scale(scene) / radius)
         slopes = np.sqrt(np.abs(1 - np.concatenate([across, down]) ** 2))
         doubt = off / max(float(slopes.min()), math.sqrt(off))
@@ -152,7 +152,7 @@ class Disc(ExactScene):
 
 
 def disc_means(scene: Any, width: int, height: int) -> Floats:
-    """Return the part of each pixel that is in a disc."""
+    """Return the fraction of each pixel that a disc covers."""
     (cx, cy), x, y = scene.centre, np.arange(width + 1) / width, (np.arange(height + 1) / height)[:, None]
     return width * height * disc_in_boxes(cx, cy, scene.radius, x[:-1], x[1:], y[:-1], y[1:])
 
@@ -163,7 +163,7 @@ def disc(centre: Any = (0.47, 0.54), radius: Array | float = 0.31) -> Disc:
     Parameters
     ----------
     centre : array_like, shape (2,)
-        (x, y); it may lie outside of the image.
+        (x, y); it may lie outside the image.
     radius : float, positive, in widths of the image
 
     Examples
@@ -183,7 +183,7 @@ class BlinkingDisc(ExactScene):
     radius: Any
 
     on: Any
-    """When it appears and disappears, shape (2,); None is always visible and does not need time."""
+    """When it appears and disappears, shape (2,); None means always visible and does not need time."""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -219,15 +219,15 @@ class BlinkingDisc(ExactScene):
 
 
 def blinking_disc(centre: Any = (0.5, 0.45), radius: Any = 0.3, on: Any = (0.25, 0.75)) -> BlinkingDisc:
-    """Return a disc that is visible for a part of the time that the shutter is open.
+    """Return a disc that is visible for a part of the shutter interval.
 
     Parameters
     ----------
     centre : float array, shape (2,)
     radius : float, positive
     on : float array, shape (2,), or None
-        When the disc appears and disappears, ``0 <= on[0] < on[1] <= 1``. None is always visible: the scene
-        then does not need time.
+        When the disc appears and disappears, ``0 <= on[0] < on[1] <= 1``. None means always visible: the
+        scene then does not need time.
 
     Examples
     --------

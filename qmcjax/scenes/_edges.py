@@ -1,4 +1,4 @@
-"""Edges: which boxes they may meet, points on them, and integrals along them, pixel by pixel."""
+"""Edges: the boxes that they may meet, points on them, and integrals along them, pixel by pixel."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
@@ -21,9 +21,9 @@ def linear(point: Array, constant: Array, slopes: Sequence[Array]) -> Array:
 def sign_varies(
     low: Array, high: Array, constant: Array, slopes: Sequence[Array], reach: ArrayLike = 0.0
 ) -> Array:
-    """Return in which boxes `linear`, up to ``reach``, may change its sign.
+    """Return the boxes in which `linear`, up to ``reach``, may change its sign.
 
-    The rounding of the scene's own evaluation of the sum is within the margin.
+    The margin includes rounding in the scene's evaluation of the sum.
     """
     middle = linear(0.5 * (low + high), constant, slopes)
     half = sum(abs(slope) * 0.5 * (high[..., j] - low[..., j]) for j, slope in enumerate(slopes))
@@ -32,7 +32,7 @@ def sign_varies(
 
 
 def disc_sides(low: Array, high: Array, centre: Any, radius: Array) -> tuple[Array, Array]:
-    """Return which boxes, by their first two coordinates, are certainly outside or inside of a disc."""
+    """Return the boxes that are certainly outside or inside a disc in their first two coordinates."""
     cx, cy = centre[0], centre[1]
     margin = 16 * jnp.finfo(low.dtype).eps * (1 + abs(cx) + abs(cy) + radius)
     left, right = cx - high[..., 0], cx - low[..., 0]
@@ -45,10 +45,10 @@ def disc_sides(low: Array, high: Array, centre: Any, radius: Array) -> tuple[Arr
 
 
 def visible(start: Array, end: Array) -> tuple[Array, Array]:
-    """Return the part of segments inside the unit square, in fractions of them [1]_.
+    """Clip segments to the unit square, and return the ends as fractions of the segments [1]_.
 
     ``start``, ``end``: float Array, shape (..., 2). Returns ``low, high``, float Array, shape (...): both 0
-    where nothing is visible. They have no derivatives: moving the point where an edge is clipped does not
+    if nothing is visible. They have no derivatives: moving the point where an edge is clipped does not
     change the area that the edge sweeps.
 
     References
@@ -69,16 +69,16 @@ def visible(start: Array, end: Array) -> tuple[Array, Array]:
 
 
 def spread(u: Array, lengths: Array) -> tuple[Array, Array]:
-    """Return the piece, of consecutive ones, that contains ``u`` in [0, 1), and the distance from its start.
+    """Return the one of consecutive pieces that contains ``u`` in [0, 1), and the distance from its start.
 
-    ``u``: float Array, shape (...). ``lengths``: float Array, shape (pieces,): pieces of length 0 are not
-    hit, unless all are. Returns ``piece``, int32 Array, shape (...); ``position``, float Array, shape (...):
-    derivatives flow from ``u`` only.
+    ``u``: float Array, shape (...). ``lengths``: float Array, shape (pieces,): pieces of length 0 are never
+    hit, unless all have length 0. Returns ``piece``, int32 Array, shape (...), and ``position``, float Array,
+    shape (...), with derivatives only with respect to ``u``.
     """
     lengths = jax.lax.stop_gradient(lengths)
     ends = jnp.cumsum(lengths)
     position = u * ends[-1]
-    # Below the sum of all, also after rounding, unless that is 0.
+    # Below the sum of all even after rounding, unless that is 0.
     piece = jnp.minimum(jnp.searchsorted(ends, position, side="right"), len(lengths) - 1)
     return piece, position - (ends - lengths)[piece]
 
@@ -112,7 +112,7 @@ class Pieces(NamedTuple):
     shape: tuple[int, int]
     """Of the image, (height, width)."""
     doubt: float
-    """Error of an end in the curve's parameter by rounding: larger where a curve grazes a border."""
+    """Rounding error of an end in the curve's parameter, larger where a curve grazes a border."""
 
     @property
     def middle(self) -> Floats:
@@ -133,7 +133,7 @@ class Pieces(NamedTuple):
 def split(
     breaks: Floats, point: Callable[[NDArray[np.intp], Floats], Floats], width: int, height: int, doubt: float
 ) -> Pieces:
-    """Split curves at ``breaks``, shape (curves, any), in any order; ``point(curve, parameter)`` is on it."""
+    """Split curves at ``breaks``, shape (curves, any), unordered; ``point(curve, parameter)`` evaluates."""
     breaks = np.sort(breaks, axis=1)
     curve, piece = np.nonzero(np.diff(breaks, axis=1) > 0)
     low, high = breaks[curve, piece], breaks[curve, piece + 1]
@@ -147,7 +147,7 @@ def split(
 def split_segments(
     starts: Floats, ends: Floats, width: int, height: int, others: Floats | None = None
 ) -> Pieces:
-    """Split segments, shape (any, 2), at the borders of pixels, and at ``others``, fractions of them."""
+    """Split segments, shape (any, 2), at the borders of pixels and at the fractions ``others``."""
     span = ends - starts
     breaks = [np.tile([0.0, 1.0], (len(starts), 1))]
     off = 4 * EPS * max(1.0, float(np.abs(starts).max()), float(np.abs(ends).max()))

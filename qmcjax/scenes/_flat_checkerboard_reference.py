@@ -1,14 +1,14 @@
 r"""Exact pixel means of a flat checkerboard at any angle, and their derivatives.
 
-In the board's coordinates (X, Y), whose unit is a square, the scene is ``(1 + S(X) S(Y)) / 2`` with
-``S(t) = (-1)**floor(t)``. Let ``T`` be the integral of ``S`` from 0: the distance to the nearest even
-integer. By Green's theorem, for any constant ``C``, a pixel's
+In coordinates (X, Y) of the board, with the side of a square as unit, the scene is ``(1 + S(X) S(Y)) / 2``
+with ``S(t) = (-1)**floor(t)``. Let ``T`` be the integral of ``S`` from 0: the distance to the nearest even
+integer. By Green's theorem, for any constant ``C``, the integral over a pixel is
 
     \iint S(X) S(Y) dX dY = \oint (T(X) - C) S(Y) dY
 
-along its four sides. On a side the integrand is linear between the crossings with lines of the board: a sum
-of trapezoids. With ``C = T(X)`` at the pixel's centre, the effect of a crossing displaced by rounding is
-limited by the size of the pixel.
+along its four sides. On a side the integrand is linear between the crossings with lines of the board, which
+gives a sum of trapezoids. With ``C = T(X)`` at the pixel's centre, the size of the pixel limits the effect of
+a crossing displaced by rounding.
 """
 
 import math
@@ -31,8 +31,8 @@ def pixel_means(squares: float, angle: float, width: int, height: int) -> tuple[
     """Return the means over all pixels, shape (height, width), and a bound on their errors.
 
     Positions on the image are off by a few EPS. A line displaced by that much changes the mean of a pixel by
-    that much times the inverse of its sides, ``width`` or ``height``; a pixel of many squares has many
-    lines, each with a smaller effect.
+    that much times ``width`` or ``height``, the inverse of its sides. A pixel of many squares has many lines,
+    each with a smaller effect.
     """
     axis = squares * math.cos(angle), squares * math.sin(angle)
     columns, rows = np.arange(width + 1) / width - 0.5, np.arange(height + 1) / height - 0.5
@@ -49,9 +49,9 @@ def pixel_means(squares: float, angle: float, width: int, height: int) -> tuple[
 def pixel_gradients(squares: float, angle: float, width: int, height: int) -> tuple[Floats, Floats, float]:
     """Return the derivatives with respect to ``squares`` and ``angle``, and a bound on their errors.
 
-    A point ``s`` along the line ``X = k`` moves across it, towards greater X, by ``-k / squares**2`` and
-    ``-s``, one on ``Y = k`` by ``-k / squares**2`` and ``s`` if s is measured along X. The jump is the value
-    before the line minus the value behind. A pixel has at most ``many`` lines in each direction.
+    A point ``s`` along the line ``X = k`` moves across it, towards larger X, by ``-k / squares**2`` and
+    ``-s``; a point on ``Y = k`` by ``-k / squares**2`` and ``s``, if s is measured along X. The jump is the
+    value before the line minus the value behind it. A pixel has at most ``many`` lines in each direction.
     """
     axes = np.array([[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]])
     half = 0.5 * squares * float(np.abs(axes[0]).sum())
@@ -74,7 +74,7 @@ def pixel_gradients(squares: float, angle: float, width: int, height: int) -> tu
 
 
 def _on_board(x: Floats | float, y: Floats | float, axis: tuple[float, float]) -> tuple[Floats, Floats]:
-    """Return X and Y of points given by their distances from the centre of the image."""
+    """Return X and Y of points, given relative to the centre of the image."""
     cosine, sine = axis
     return np.asarray(x * cosine + y * sine), np.asarray(y * cosine - x * sine)
 

@@ -1,12 +1,12 @@
-r"""Genz's six families of test integrands, with exact pixel means, all without cancellation.
+r"""The six families of Genz test integrands, with exact pixel means, all without cancellation.
 
-Four are products of functions of one coordinate with means in closed form, and the oscillatory family is
-the real part of one. The mean of the corner peak is an alternating sum over the corners of the box,
-which loses all digits in high dimensions or where ``a`` is small. Instead the peak is written as
+Four are products of functions of one coordinate with means in closed form; the oscillatory family is the real
+part of such a product. The mean of the corner peak is an alternating sum over the corners of the box, which
+loses all digits in high dimensions or for small ``a``. Instead the peak is written as
 
     (1 + s)^{-(d+1)} = \int_0^\infty e^{-t (1+s)} t^d / d! dt,    s = \sum a_j x_j,
 
-whose integrand is a product again and positive. In ``z = log t`` it is analytic up to a distance of
+and this integrand is again a product, and positive. In ``z = log t`` it is analytic up to a distance of
 ``pi / 2`` from the real axis and decays at both ends: the trapezoidal rule converges exponentially.
 """
 
@@ -37,7 +37,7 @@ def oscillatory(a: Floats, u: Floats, width: int, height: int) -> Means:
         return np.exp(1j * a[j] * (low + 0.5 * length)) * np.sinc(a[j] * length / (2 * math.pi))
 
     waves = separable(mean, len(a), width, height) * np.exp(2j * math.pi * u[0])
-    # All factors have modulus at most 1: only the rounded phases count, and a few units for each product.
+    # All factors have modulus at most 1: errors are those of the phases, plus a few units per product.
     return waves.real, EPS * (8 * len(a) + 2 * float(a.sum()) + 7 * abs(float(u[0])))
 
 
@@ -54,7 +54,7 @@ def product_peak(a: Floats, u: Floats, width: int, height: int) -> Means:
 def corner_peak(a: Floats, u: Floats, width: int, height: int) -> Means:
     del u
     dims, step = len(a), 0.125
-    # Below t = 1 / (1 + sum a) the integrand falls like t**(d+1): a part of at most exp(-48) is left out.
+    # Below t = 1 / (1 + sum a) the integrand falls like t**(d+1): the omitted part is at most exp(-48).
     first = -16 - math.log1p(a.sum())
     z = first + step * np.arange(math.ceil((7 - first) / step))
     t = np.exp(z)
@@ -72,7 +72,7 @@ def gaussian(a: Floats, u: Floats, width: int, height: int) -> Means:
     def mean(j: int, low: Floats, length: float) -> Floats:
         return bell_means(a[j] * (low - u[j]), float(a[j]) * length)
 
-    # Steepest at the peak's sides, or at the nearest end of [0, 1] if the peak is outside.
+    # Steepest at the flanks of the peak, or at the nearest end of [0, 1] if the peak is outside.
     slopes = 2 * a * (1 + abs(u)) * (1 + a * np.maximum(np.maximum(-u, u - 1), 0))
     return _relative(separable(mean, len(a), width, height), len(a), slopes)
 
@@ -103,13 +103,13 @@ MEANS = {f.__name__: f for f in (oscillatory, product_peak, corner_peak, gaussia
 
 
 def _relative(image: Floats, dims: int, slopes: Floats) -> Means:
-    """Bound the rounding: a few units in each factor, and each coordinate's times the relative slope."""
+    """Bound the rounding: a few units per factor, and that of each coordinate times the relative slope."""
     return image, EPS * (16 * dims + 2 * float(slopes.sum())) * float(image.max())
 
 
 @frozen_pytree
 class Genz(ExactScene):
-    """An integrand of one of Genz's families; see `genz`."""
+    """An integrand of one of the Genz families; see `genz`."""
 
     difficulty: Any
     """How fast the value changes along each coordinate, shape (dims,)."""
@@ -146,7 +146,7 @@ class Genz(ExactScene):
 
 
 def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Genz:
-    r"""Return a test integrand of Genz [1]_ with parameters ``a`` (difficulty) and ``u`` (shift).
+    r"""Return a Genz test integrand [1]_ with parameters ``a`` (difficulty) and ``u`` (shift).
 
     ================= ==========================================================================
     ``oscillatory``   :math:`\cos(2 \pi u_1 + \sum a_j x_j)`
@@ -163,15 +163,15 @@ def genz(family: str, dims: int, difficulty: Any = 1.0, shift: Any = 0.5) -> Gen
         One of the six names above.
     dims : int, the number of dimensions ``d``, in [2, 16]
     difficulty : float array, scalar or shape (dims,)
-        The parameters ``a``; positive. A scalar stands for all.
+        The parameters ``a``; positive. A scalar is used for all dimensions.
     shift : float array, scalar or shape (dims,)
         The parameters ``u``. Unused by the corner peak.
 
     Notes
     -----
     The functions are not normalised: the maximum of the product peak is the product of all ``a_j**2``, which
-    must be in the range of the type. Differentiating the discontinuous family with respect to ``shift``
-    raises an error, since the plain derivative is wrong.
+    must not overflow the dtype. Differentiating the discontinuous family with respect to ``shift`` raises an
+    error, since the plain derivative is wrong.
 
     References
     ----------

@@ -73,8 +73,8 @@ class HalfPlanes(ExactScene):
     def _step_gradients(self, width: int, height: int) -> tuple[list[Floats], Floats, float]:
         """Return the derivatives with respect to each step's offset, and to the angle, and their bound.
 
-        An edge moved by its offset sweeps its length; rotated about the origin, a point at ``s`` along the
-        edge moves across it by ``-s``: the mean over a piece is that of its middle.
+        An edge moved by its offset sweeps its length. If it rotates about the origin, a point at ``s`` along
+        the edge moves across it by ``-s``: the mean over a piece is the value at its midpoint.
         """
         width, height = checks.image_size(width, height)
         scene = in_float64(self)
@@ -94,10 +94,10 @@ class HalfPlanes(ExactScene):
 def depths(
     angle: float, offset: float, width: int, height: int, scale: float = 1.0
 ) -> tuple[Floats, float, float]:
-    """Return how deep centres of pixels are in a half plane, and both sides of a pixel along its normal.
+    """Return the depths of pixel centres in a half plane, and both sides of a pixel along its normal.
 
-    The image is shrunk by ``scale`` about its centre. Distances are measured from there, so that nothing is
-    lost for a small one.
+    The image is scaled by ``scale`` about its centre. Distances are measured from there, to be accurate for
+    a small scale.
     """
     normal = math.cos(angle), math.sin(angle)
     sides = scale * abs(normal[0]) / width, scale * abs(normal[1]) / height
@@ -121,8 +121,8 @@ def uniform_density(s: Floats, large: float, small: float) -> Floats:
 def uniform_distribution(z: Floats, large: float, small: float) -> Floats:
     """Return the distribution function of the same sum; a step if both widths are 0.
 
-    That of the sides of a pixel, at the depth of its centre, is its share in the half plane. It is computed
-    from the nearer end, so that nothing cancels.
+    For the sides of a pixel, at the depth of its centre, it is the fraction of the pixel in the half plane.
+    It is computed from the nearer end, without cancellation.
     """
     m = abs(z)
     tail = np.maximum(0.5 * (large + small) - m, 0)
@@ -150,7 +150,7 @@ class Step(HalfPlanes):
 
 @frozen_pytree
 class Staircase(HalfPlanes):
-    """A staircase: the part of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
+    """A staircase: the fraction of the offsets with ``x cos(angle) + y sin(angle) < offset``."""
 
     angle: Array | float
     """The direction in which the value decreases, in radians from x to y."""
@@ -176,7 +176,7 @@ class Line(HalfPlanes):
     angle: Array | float
     """The direction across the line, in radians from x to y."""
     offset: Array | float
-    """The distance of its middle from the corner (0, 0), along that direction."""
+    """The distance of its centre line from the corner (0, 0), along that direction."""
     thickness: Array | float
 
     def _steps(self) -> list[tuple[Any, int]]:
@@ -208,7 +208,7 @@ def step(angle: Array | float = 0.4, offset: Array | float = 0.6) -> Step:
 def staircase(
     angle: Array | float = 0.4, offsets: Any = (0.15, 0.35, 0.5, 0.65, 0.85, 1.05, 1.2)
 ) -> Staircase:
-    """Return a staircase at any angle, which falls from 1 to 0 in equal steps.
+    """Return a staircase at any angle that falls from 1 to 0 in equal steps.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def line(angle: Array | float = 1.2, offset: Array | float = 0.6, thickness: Arr
     angle : float
         The direction across the line, in radians: 0 for a vertical, pi/2 for a horizontal line.
     offset : float
-        The distance of its middle from the corner (0, 0) along that direction.
+        The distance of its centre line from the corner (0, 0) along that direction.
     thickness : float, positive, in widths of the image
 
     Examples

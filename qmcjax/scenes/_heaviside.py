@@ -46,7 +46,7 @@ class Heaviside(ExactScene):
     def boundary(self, u: Array) -> tuple[Array, Array]:
         """Return points on the edge and the jumps there; see `qmcjax.boundary_gradient`.
 
-        All coordinates except y are free; if no such y exists, the point is outside of the cube.
+        All coordinates except y are free; if no y lies on the edge, the point is outside the cube.
         """
         scene = cast(self, u.dtype)
         y = scene.threshold - sum(u[..., j] for j in range(self.dims - 1))
@@ -73,7 +73,7 @@ class Heaviside(ExactScene):
         """Return the mean over each pixel of ``function(threshold - x - y)``, a polynomial between integers.
 
         Within a pixel the density of ``x + y`` is a trapezoid: Gauss-Legendre quadrature between its corners
-        and the integers is exact, with positive terms only.
+        and the integers is exact, and all terms are positive.
         """
         width, height = checks.image_size(width, height)
         small, large = sorted((1 / width, 1 / height))
@@ -99,7 +99,7 @@ class Heaviside(ExactScene):
 
 
 def _distribution(z: Floats, count: int) -> Floats:
-    """Return the probability that ``count`` uniform numbers add up to less than ``z``, a sum of B-splines."""
+    """Return the probability that ``count`` uniform numbers sum to less than ``z``, a sum of B-splines."""
     whole = np.floor(z)
     splines = _splines(z - whole, count + 1)
     return np.sum(np.where(np.arange(count + 1)[:, None] <= whole, splines, 0), axis=0)
@@ -115,7 +115,7 @@ def _density(z: Floats, count: int) -> Floats:
 def _splines(u: Floats, order: int) -> Floats:
     """Return the cardinal B-spline of an order at u, u + 1, ..., u + order - 1, for u in [0, 1), row by row.
 
-    By the recursion of M. G. Cox and C. de Boor, whose terms are all positive.
+    It uses the recursion of M. G. Cox and C. de Boor; all terms are positive.
     """
     values, none = np.ones((1, len(u))), np.zeros((1, len(u)))
     for m in range(1, order):
@@ -131,7 +131,7 @@ def heaviside(dims: int = 2, threshold: Array | float | None = None) -> Heavisid
     Parameters
     ----------
     dims : int
-        In [2, 64]: x and y on the screen and others named u2, u3, ...
+        In [2, 64]: x and y on the screen, and u2, u3, ...
     threshold : float, optional
         The value is 1 where the sum is smaller; half the number of dimensions by default.
 

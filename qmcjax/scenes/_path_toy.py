@@ -42,7 +42,7 @@ class PathToy(ExactScene):
         for _ in range(self.bounces):
             throughput *= scene.albedo * x
             if scene.survival is not None:
-                # The mean does not depend on it, so its derivative is 0; that of a sample is not.
+                # The mean does not depend on it: its derivative is 0, unlike that of a sample.
                 survival = jax.lax.stop_gradient(scene.survival)
                 throughput = jnp.where(next(coordinates) < survival, throughput / survival, 0)
             x, y = _around(x + next(coordinates)), _around(y + next(coordinates))
@@ -63,15 +63,15 @@ def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission:
     r"""Return light paths through a room without geometry, in any number of dimensions.
 
     The room is the unit square with opposite edges identified. The point ``p = (x, y)`` emits
-    ``e(p) = emission y`` and reflects the part ``a(p) = albedo x`` of the light that arrives there. A path
-    starts at the point that the pixel sees; a bounce takes it from ``p`` to ``(p + (u, v)) mod 1``, that is,
-    anywhere with equal probability. With Russian roulette the path continues only if another coordinate
-    is below ``survival``, and is then weighted by ``1 / survival``:
+    ``e(p) = emission y`` and reflects the fraction ``a(p) = albedo x`` of the incoming light. A path starts
+    at the point that the pixel sees; a bounce takes it from ``p`` to ``(p + (u, v)) mod 1``, a uniformly
+    distributed point. With Russian roulette the path continues only if another coordinate is below
+    ``survival``, and is then weighted by ``1 / survival``:
 
     .. math:: f = \sum_{k=0}^{bounces} e(p_k) \prod_{i<k} \frac{a(p_i)}{survival} [r_{i+1} < survival].
 
     As in a renderer, every value depends on all previous coordinates, and later bounces matter less. Since
-    points are independent of each other, the mean for a given ``p_0`` is
+    the points are independent, the mean for a given ``p_0`` is
     ``e(p_0) + a(p_0) E (1 + A + ... + A**(bounces - 1))``, with the means ``E = emission / 2`` and
     ``A = albedo / 2`` over the room.
 
@@ -105,5 +105,5 @@ def path_toy(bounces: int = 8, albedo: Any = 0.9, survival: Any = 0.5, emission:
 
 
 def _around(x: Array) -> Array:
-    """Take a number in [0, 2) into [0, 1)."""
+    """Wrap a number in [0, 2) to [0, 1)."""
     return x - jnp.floor(x)

@@ -18,7 +18,7 @@ _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled"
 
 @frozen_pytree
 class PlugIn:
-    """An object that is not a pytree, as a scene: static by identity."""
+    """An object that is not a pytree as a scene, static by identity."""
 
     wrapped: Any
 
@@ -54,7 +54,7 @@ class Function:
 
 
 def as_scene(name: str, value: Any) -> Any:
-    """Return an object as a scene: itself if it is a pytree, else one that is static by identity.
+    """Return an object as a scene: itself if it is a pytree, else wrapped as static by identity.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def as_scene(name: str, value: Any) -> Any:
     Raises
     ------
     TypeError
-        Also if it has an array as an attribute without being a pytree.
+        Also if it has an array as attribute but is not a pytree.
 
     Examples
     --------
@@ -96,7 +96,7 @@ def function(f: Callable[[Array], Array], needs: tuple[str, ...]) -> Function:
     f : callable
         From points, shape (..., len(needs)), to values, shape (...) or (..., 3), in the points' dtype. The
         same function object compiles once. If it is a pytree, like ``jax.tree_util.Partial``, its arrays are
-        parameters: new values compile nothing, and gradients flow to them.
+        parameters: new values do not recompile, and gradients flow to them.
     needs : tuple of str
         The name of each dimension, two or more; the first two are the position on the screen.
 

@@ -1,4 +1,4 @@
-"""Products of functions of one coordinate each: a Gaussian bump, Sobol's g-function, a grey ramp."""
+"""Products of functions of one coordinate: a Gaussian bump, the Sobol' g-function, a grey ramp."""
 
 import math
 from collections.abc import Callable
@@ -32,10 +32,10 @@ def separable(mean: Callable[[int, Floats, float], NDArray], dims: int, width: i
 
 
 def bell_means(low: Floats, length: float) -> Floats:
-    """Return the means of ``exp(-z**2)`` from ``low`` to ``low + length``, relatively exact in the tails.
+    """Return the means of ``exp(-z**2)`` from ``low`` to ``low + length``, accurate in the tails.
 
-    Where the function changes by less than ``exp(6)``, differences of error functions lose digits, and 12
-    Gauss-Legendre nodes are exact to 1e-17. On the far side of 0 the complementary function keeps them.
+    If the function changes by less than a factor ``exp(6)``, differences of error functions lose digits, but
+    12 Gauss-Legendre nodes are exact to 1e-17. On the far side of 0 the complementary function is accurate.
     """
     from scipy.special import erf, erfc
 
@@ -85,11 +85,11 @@ class Gaussian(ExactScene):
 
 
 def gaussian(centre: Any = (0.4, 0.6), width: Any = 0.15) -> Gaussian:
-    """Return a Gaussian bump: infinitely smooth, so that samplers reach their best rates.
+    """Return a Gaussian bump. It is infinitely smooth: samplers reach their best rates.
 
     Parameters
     ----------
-    centre : float array, shape (2,), position of the maximum 1; anywhere
+    centre : float array, shape (2,), position of the maximum 1, anywhere
     width : float
         The standard deviation, in units of the unit square; positive.
 
@@ -127,7 +127,7 @@ class Product(ExactScene):
                 return np.ones(1)
             left = np.clip(0.5 - low, 0, length)
             right = length - left
-            # Distances from 1/2 to the middle of each part.
+            # Distances from 1/2 to the midpoint of each part.
             slopes = left * abs(0.5 - low - 0.5 * left) + right * abs(low + length - 0.5 - 0.5 * right)
             return (4 * slopes / length + a[j]) / (1 + a[j])
 
@@ -136,13 +136,13 @@ class Product(ExactScene):
 
 
 def product(a: Any = (0.0, 1.0, 4.5, 9.0)) -> Product:
-    """Return Sobol's g-function, a product of as many factors as ``a`` has entries.
+    """Return the Sobol' g-function, a product with one factor for each entry of ``a``.
 
     Parameters
     ----------
     a : float array, shape (dims,)
-        Insensitivity to coordinate ``j``: with 0 its factor runs from 0 to 2, with 9 from 0.9 to 1.1.
-        2 to 1024 numbers, each at least 0.
+        Insensitivity to coordinate ``j``: with 0 its factor runs from 0 to 2, with 9 from 0.9 to 1.1. 2 to
+        1024 numbers, each at least 0.
 
     References
     ----------
@@ -190,8 +190,8 @@ class Ramp(ExactScene):
 def ramp(dimension: int = 5) -> Ramp:
     """Return the grey ramp of [1]_: rendered with one sample per pixel, it shows a coordinate of the sampler.
 
-    A pattern in the image is a correlation of this dimension with the pixel; the mean 1/2 is reached only
-    with enough samples to break the pattern.
+    A pattern in the image shows a correlation of this dimension with the pixel position. The image reaches
+    its mean 1/2 only with enough samples to break the pattern.
 
     Parameters
     ----------

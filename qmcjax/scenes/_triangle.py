@@ -34,9 +34,9 @@ class Triangle(ExactScene):
         return inside.astype(point.dtype)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Return which boxes a side may meet; see `Scene`.
+        """Return the boxes that a side may meet; see `Scene`.
 
-        A few boxes beyond a sharp corner count, too: rounding lets the value spill over it.
+        This includes a few boxes beyond a sharp corner, where rounding may still give 1.
         """
         vertices = cast(self, low.dtype).vertices
         eps = jnp.finfo(low.dtype).eps
@@ -70,8 +70,8 @@ class Triangle(ExactScene):
     def reference_gradient(self, width: int, height: int) -> tuple["Triangle", float]:
         """Return the exact derivatives of the pixel means; see `Scene`.
 
-        If a corner moves, the point at ``t`` on the side from it moves ``1 - t`` times as far, and the
-        point at ``t`` on the side to it ``t`` times: the mean over a piece is that of its middle.
+        If a corner moves, the point at ``t`` on the side from it moves ``1 - t`` times as far, and the point
+        at ``t`` on the side to it ``t`` times: the mean over a piece is the value at its midpoint.
         """
         width, height = checks.image_size(width, height)
         vertices = in_float64(self).vertices
@@ -102,9 +102,9 @@ def _twice_the_area(vertices: Any) -> Any:
 
 
 def _shares_above(start: Floats, end: Floats, width: int, height: int) -> Floats:
-    """Return the part of each pixel on the lesser-y side of a segment, signed like its direction in x.
+    """Return the fraction of each pixel on the smaller-y side of a segment, signed as its direction in x.
 
-    Over a pixel's part of the segment this is the mean of a linear function clipped to [0, 1].
+    Over the segment's part in a pixel this is the mean of a linear function clipped to [0, 1].
     """
     span = end - start
     if span[0] == 0:
@@ -128,7 +128,7 @@ def triangle(vertices: Any = ((0.15, 0.2), (0.9, 0.4), (0.35, 0.85))) -> Triangl
     Parameters
     ----------
     vertices : array_like, shape (3, 2)
-        The corners (x, y), in either orientation, not collinear; they may lie outside of the image.
+        The corners (x, y), in either orientation, not collinear; they may lie outside the image.
 
     Examples
     --------

@@ -15,7 +15,7 @@ from qmcjax.scenes._base import EPS, ExactScene
 
 @frozen_pytree
 class ZonePlate(ExactScene):
-    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: finer circles away from a corner."""
+    """The zone plate ``(1 + sin(frequency (x**2 + y**2))) / 2``: circles get finer away from a corner."""
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
@@ -53,8 +53,8 @@ def _sine(turns: Array) -> Array:
 def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], float]:
     """Return the means of ``exp(i frequency x**2)`` over ``count`` equal parts of [0, 1], and an error bound.
 
-    Differences of Fresnel integrals lose digits in proportion to ``count``. Where an interval covers little
-    of a wave, Gauss-Legendre quadrature is exact up to the rounding of the phase.
+    Differences of Fresnel integrals lose accuracy in proportion to ``count``. If an interval is short
+    compared to a wave, Gauss-Legendre quadrature is exact up to the rounding of the phase.
     """
     if 2 * frequency <= 4 * count:
         # 12 nodes integrate a wave of up to 4 radians to below 1e-18.
@@ -68,7 +68,7 @@ def _chirp_means(frequency: float, count: int) -> tuple[NDArray[np.complex128], 
 
     sine, cosine = fresnel(np.arange(count + 1) / count * math.sqrt(2 * frequency / math.pi))
     unit = math.sqrt(math.pi / (2 * frequency))
-    # Rounding of the arguments moves both ends by about x eps; Cephes states a relative error of 2e-15.
+    # Rounding the arguments moves both ends by about x eps; Cephes states a relative error of 2e-15.
     means = (count * unit) * (np.diff(cosine) + 1j * np.diff(sine))
     return means, EPS * count * (4 + 20 * unit)
 
@@ -83,8 +83,8 @@ def zone_plate(frequency: Array | float = 1600.0) -> ZonePlate:
 
     Notes
     -----
-    Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which leaves [0, 1] and shows no zones:
-    the factor belongs inside the sine.
+    Eq. 6.1 as scanned reads ``(1 + 1600 sin(x**2 + y**2)) / 2``, which exceeds [0, 1] and shows no zones: the
+    factor belongs inside the sine.
 
     References
     ----------

@@ -23,7 +23,7 @@ class Traced:
 
     name: str = field(metadata={"static": True})
     estimator: Any
-    """From points to radiance; contains the world and the camera."""
+    """Maps points to radiance; contains the world and the camera."""
 
     @cached_property
     def needs(self) -> tuple[str, ...]:
@@ -34,7 +34,7 @@ class Traced:
         return self.estimator(point)
 
     def __getattr__(self, name: str) -> Any:
-        # A scene has an optional attribute only if its estimator has it; see `Scene`.
+        # The scene has an optional attribute only if its estimator has it; see `Scene`.
         if name not in ("varies", "unrolled"):
             raise AttributeError(name)
         return getattr(self.estimator, name)
@@ -51,7 +51,8 @@ class Traced:
         -------
         image : float64 ndarray, shape (height, width, 3)
         bound : float64 ndarray, shape (height, width, 3)
-            On the absolute errors: five standard errors of each pixel, and the rounding of the stored values.
+            Bound on the absolute errors: five standard errors of each pixel, plus the rounding of the stored
+            values.
 
         Raises
         ------
@@ -62,9 +63,9 @@ class Traced:
 
         Notes
         -----
-        The image is the mean of randomised replicates, which also give its standard error, see
-        :func:`qmcjax.estimated_reference`: the bound holds with a probability, and does not cover features
-        that no sample has hit.
+        The image is the mean of randomised replicates, which also give its standard error (see
+        :func:`qmcjax.estimated_reference`). The bound is probabilistic, and does not cover features that no
+        sample has hit.
         """
         width, height = checks.image_size(width, height)
         advice = "qmcjax.estimated_reference(scene, width, height, spp, key) makes one"
@@ -88,7 +89,7 @@ class Traced:
 
 
 def is_analytic(visibility: Any) -> bool:
-    """Whether visibility in time is "analytic"; raise unless it is that or "sampled"."""
+    """Return whether visibility in time is "analytic"; raise unless it is that or "sampled"."""
     return checks.choice("visibility", visibility, ("sampled", "analytic")) == "analytic"
 
 

@@ -26,31 +26,30 @@ def cornell_box(
     bounces: int | None = None,
     visibility: str = "sampled",
 ) -> Traced:
-    """Return a Cornell box with a moving mirror sphere and a ball that jumps on a path with a kink.
+    """Return a Cornell box with a moving mirror sphere and a bouncing ball whose path has a kink.
 
-    Width, height and depth of the box are 2; the floor is at y = 0, the open side faces the camera.
-    All motion is between the times 0 and 1.
+    The box is 2 wide, 2 high and 2 deep; the floor is at y = 0, the open side faces the camera. All motion is
+    between times 0 and 1.
 
     Parameters
     ----------
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1], or the time of a still picture, whose scene has no time
-        coordinate.
+        When it opens and closes, in [0, 1]; or the time of a still image, which has no time coordinate.
     ball, mirror : bool, optional, whether the ball and the mirror sphere exist
     blocks : bool, optional, whether the two blocks of the original exist
     light : float, optional
         The side of a square light below the ceiling, above 0 and below 2; by default a point light.
     bounces : int, optional
-        Number of reflections, see :func:`qmcjax.tracing.path_tracing`; by default direct light, also in the
-        mirror sphere.
+        Number of reflections, see :func:`qmcjax.tracing.path_tracing`; by default only direct light, also in
+        the mirror sphere.
     visibility : str, optional
         "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
-        Then the paths are linear segments, at most 0.0018 from the curves.
+        The paths are then linear segments, at most 0.0018 from the curves.
 
     Notes
     -----
-    The ball's centre is on a quadratic B-spline with a double knot, where it touches the floor.
-    Nothing moves without ``ball`` and ``mirror``: set ``shutter`` to one number then.
+    The centre of the ball moves on a quadratic B-spline with a double knot where it touches the floor.
+    Without ``ball`` and ``mirror`` nothing moves: set ``shutter`` to one number.
 
     References
     ----------
@@ -108,7 +107,7 @@ def _sides() -> list[tracing.Object]:
 def _lights(size: float | None) -> list[Any]:
     if size is None:
         return [tracing.point_light((0.3, 1.75, 1.7), (12.0, 11.6, 10.6))]
-    # The same power for all sizes; the normal points down.
+    # Equal power for all sizes; the normal points down.
     radiance = np.array([9.0, 8.0, 6.5]) * 0.25 / size**2
     corner = (-0.5 * size, 1.999, -0.5 * size)
     return [tracing.rectangle_light(corner, (size, 0.0, 0.0), (0.0, 0.0, size), radiance)]
@@ -120,7 +119,7 @@ def _straight(path: motion.Nurbs, segments: int) -> motion.LinearSegments:
 
 
 def _jumping() -> motion.Nurbs:
-    """Return the path of the ball's centre: down to the floor, at once up again."""
+    """Return the path of the ball's centre: down to the floor and immediately up again."""
     control = [
         [-0.62, 0.9, 0.1],
         [-0.45, 0.86, 0.14],

@@ -1,4 +1,4 @@
-"""Scenes of one effect each: a caustic, depth of field, soft shadows, vertices that move."""
+"""Scenes with one effect each: a caustic, depth of field, soft shadows, moving vertices."""
 
 from typing import Any
 
@@ -14,17 +14,17 @@ from qmcjax.scenes.traced._base import Traced, is_analytic, seen_in_time
 def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, light_bounces: int = 1) -> Traced:
     """Return a lamp over a floor: a bulb in a metal ring that reflects its light into a caustic.
 
-    The bulb is off the axis of the ring, with a lid above and a disc below, so most light on the floor is
-    reflected by the ring. Camera paths hardly find the inside of the lamp, light paths always do: they are
-    connected. The scene is still.
+    The bulb is off the axis of the ring, with a lid above and a disc below, so most light reaches the floor
+    by reflection in the ring. Camera paths rarely enter the lamp, light paths start there: bidirectional path
+    tracing connects them. The scene is still.
 
     Parameters
     ----------
     radius : float, optional
-        Radius of the bulb, a sphere. Its power is the same for all radii. Positive.
+        Radius of the bulb, a sphere; positive. Its power does not depend on the radius.
     roughness : float, optional
-        Of the ring, see :func:`qmcjax.tracing.glossy`. None is a mirror: paths are not connected there,
-        and its caustics are found by camera paths that hit the bulb.
+        Of the ring, see :func:`qmcjax.tracing.glossy`. None is a mirror: paths cannot be connected there, and
+        only camera paths that hit the bulb find its caustics.
     bounces : int, optional
         Reflections of a path, see :func:`qmcjax.tracing.path_tracing`.
     light_bounces : int, optional
@@ -57,16 +57,16 @@ def caustic(radius: Any = 0.05, roughness: Any = 0.15, *, bounces: int = 3, ligh
 
 
 def defocus(aperture: Any = 0.25, focus: Any = 4.0, *, blades: int | None = None) -> Traced:
-    """Return a row of balls before a thin lens, with small lights far behind the plane of focus.
+    """Return a row of balls in front of a thin lens, with small lights far behind the plane of focus.
 
     Parameters
     ----------
     aperture : float, optional
         The radius of the lens, positive; None is a pinhole, without lens coordinates.
     focus : float, optional
-        The distance of the plane of focus, positive, ignored for a pinhole; the ball in the middle is at 4.
+        The distance of the plane of focus, positive, ignored for a pinhole; the middle ball is at 4.
     blades : int, optional
-        Number of sides of a regular polygon as the aperture, at least 3; round by default.
+        Number of sides of a polygonal aperture, at least 3; by default the aperture is round.
 
     References
     ----------
@@ -102,7 +102,7 @@ def _surroundings() -> list[tracing.Object]:
 
 
 def _balls() -> list[tracing.Object]:
-    """Return balls on a diagonal into the depth, with the middle one in focus."""
+    """Return balls on a diagonal into the image, with the middle one in focus."""
     colours = [(0.7, 0.1, 0.08), (0.75, 0.45, 0.08), (0.1, 0.45, 0.25), (0.08, 0.25, 0.6), (0.4, 0.12, 0.5)]
     places = [[-0.75, 0.3, 1.5], [-0.42, 0.3, 0.75], [0.0, 0.3, 0.0], [0.55, 0.3, -0.9], [1.3, 0.3, -2.1]]
     return [
@@ -132,13 +132,13 @@ LIGHTS = ((1.0, 0.16, 0.1), (0.12, 1.0, 0.2), (0.15, 0.25, 1.0))
 def occluder(size: Any = 0.45) -> Traced:
     """Return a basket of rods lit by three coloured area lights.
 
-    Straight rods of two families on a hyperboloid cast three overlapping soft shadows; the floor is white
+    Two families of straight rods on a hyperboloid cast three overlapping soft shadows; the floor is white
     where all lights are visible. The scene is still.
 
     Parameters
     ----------
     size : float, optional
-        Side of the square lights, in [0.001, 2]. Their power is the same for all sizes.
+        Side of the square lights, in [0.001, 2]. Their power does not depend on the size.
 
     References
     ----------
@@ -160,7 +160,7 @@ def occluder(size: Any = 0.45) -> Traced:
 
 
 def _basket() -> list[tracing.Object]:
-    """Return rods between two circles, turned one way and the other, the circles, and balls at the joints."""
+    """Return rods between two circles, slanted both ways, the circles, and balls at the joints."""
     low = _circle(RODS, 0.95, 0.05)
     high = _circle(RODS, 0.8, 1.5, 0.5 / RODS)
     starts = np.concatenate([low, low, low, high])
@@ -185,7 +185,7 @@ def _circle(count: int, radius: float, height: float, turn: float = 0.0) -> NDAr
 
 
 def _light(angle: float, size: Any, colour: tuple[float, ...]) -> Any:
-    """Return a square light that faces the middle of the basket."""
+    """Return a square light that faces the centre of the basket."""
     centre = np.array([3.2 * np.cos(2 * np.pi * angle), 4.2, 3.2 * np.sin(2 * np.pi * angle)])
     normal = -centre / np.linalg.norm(centre)
     u = np.cross([0.0, 1.0, 0.0], normal)
@@ -204,7 +204,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
     """Return triangles that fly and turn over a checkerboard; each vertex moves on a straight line.
 
     Sizes and positions do not depend on the number of triangles: twice as many overlap twice as often, and
-    more triangles include those of fewer. The light is at the camera, so objects hide their shadows.
+    adding triangles does not change the others. The light is at the camera, so objects hide their shadows.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def moving_triangles(count: Any = 12, shutter: Any = (0.0, 1.0), *, visibility: 
 def _flights(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return vertices when the shutter opens and closes, (count, 3, 3)."""
     rng = np.random.default_rng(2008)
-    # One row of numbers per triangle: more triangles leave the previous ones as they are.
+    # One row of random numbers per triangle: more triangles do not change the previous ones.
     number = rng.uniform(-1, 1, (count, 13))
     centre = number[:, 0:3] * [1.7, 0.7, 1.5] + [0.0, 1.1, 0.0]
     flight = number[:, 3:6] * [0.7, 0.2, 0.7]
@@ -257,7 +257,7 @@ def _flights(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def _corners(turn: NDArray[np.float64], lean: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return corners of equilateral triangles, flat and turned, and then sheared upwards."""
+    """Return corners of equilateral triangles, rotated in the plane, then sheared upwards."""
     angle = turn[:, None] + 2 * np.pi * np.arange(3) / 3
     x, z = np.cos(angle), np.sin(angle)
     return np.stack([x, lean[:, :1] * x + lean[:, 1:] * z, z], axis=-1)

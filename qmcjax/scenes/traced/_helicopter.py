@@ -46,17 +46,17 @@ FLIGHT, SPIN = 4, 36
 """Linear segments of the flight, and of each turn of a rotor."""
 
 MOST = 100
-"""Maximum number of turns that are straightened."""
+"""Maximum number of turns replaced by linear segments."""
 
 SIDES = 24
-"""Sides of the prisms that replace cylinders where visibility is exact in time."""
+"""Sides of the prisms that replace cylinders if visibility is exact in time."""
 
 
 def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str = "sampled") -> Traced:
-    """Return a flying helicopter with two rotors that turn about one mast in opposite directions.
+    """Return a flying helicopter with two counter-rotating rotors on one mast.
 
-    The ground is still, but the checkerboard on it moves, nonlinearly in time. The only illumination is
-    direct light of a point light.
+    The ground is still, but the checkerboard on it moves nonlinearly in time. The only illumination is direct
+    light from a point light.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
         Turns of each rotor between the times 0 and 1; from -100 to 100 with "analytic".
     visibility : str, optional
         "sampled": by a time coordinate; "analytic": exactly, see :func:`qmcjax.tracing.analytic_visibility`.
-        Then all points move on linear segments, 36 per turn of a rotor, at most 0.02 from the curves, and
+        All points then move on linear segments, 36 per turn of a rotor, at most 0.02 from the curves, and
         prisms of 24 sides replace cylinders.
 
     References
@@ -111,7 +111,7 @@ def _parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
 
 
 def _straight_parts(flight: motion.Affine, turns: Any) -> list[tracing.Object]:
-    """Return the same on linear segments: spheres need no rotation, and cylinders are prisms."""
+    """Return the parts on linear segments: spheres do not rotate, and cylinders become prisms."""
     green, glass, dark = _materials()
     times = np.linspace(0, 1, FLIGHT + 1)
     often = np.linspace(0, 1, max(FLIGHT, math.ceil(SPIN * abs(float(turns)))) + 1)
@@ -165,7 +165,7 @@ def _rotors(turns: Any) -> list[tuple[float, Any, motion.Affine]]:
 
 
 def _blades(turns: Any) -> tracing.Object:
-    """Return four blades, each a rectangle that is pitched about its length."""
+    """Return four blades, each a rectangle pitched about its length."""
     angle = 2 * np.pi * np.arange(4) / 4
     along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
     across = np.stack([np.sin(angle), 0 * angle + 0.12 * np.sign(turns), np.cos(angle)], axis=-1)
@@ -173,7 +173,7 @@ def _blades(turns: Any) -> tracing.Object:
 
 
 def _attitude() -> Spin:
-    """Return the rotations: the nose goes down and to the left, increasingly."""
+    """Return the rotations: the nose turns down and to the left, at increasing speed."""
     return Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.008))
 
 

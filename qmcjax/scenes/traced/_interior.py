@@ -18,16 +18,15 @@ WINDOW = ((0.85, 2.25), (-2.0, -0.2))
 def interior(bounces: int = 6, *, roulette: int | None = None) -> Traced:
     """Return a dining room lit mostly by reflected light.
 
-    The only light is outside of a window; it directly lights a part of the table and the floor, and all else
-    by diffuse reflection. The scene is still.
+    The only light is outside a window. It directly lights a part of the table and the floor, and the rest by
+    diffuse reflection. The scene is still.
 
     Parameters
     ----------
     bounces : int, optional
         Directions of a path after the first, in [0, 64].
     roulette : int, optional
-        From this bounce on paths may end at random, see :func:`qmcjax.tracing.path_tracing`; never by
-        default.
+        First bounce with Russian roulette, see :func:`qmcjax.tracing.path_tracing`; none by default.
 
     References
     ----------
@@ -50,7 +49,7 @@ def _room() -> list[tracing.Object]:
     (x0, y0, z0), (x1, y1, z1) = LOW, HIGH
     (bottom, top), (far, near) = WINDOW
     wide, tall, deep = HIGH - LOW
-    # Corner and edges: ceiling, back, front, right; then below, above, behind and before the window.
+    # Corner and edges: ceiling, back, front, right; then below, above, behind and in front of the window.
     walls = [
         ([x0, y1, z0], [wide, 0, 0], [0, 0, deep]),
         ([x0, y0, z0], [wide, 0, 0], [0, tall, 0]),
@@ -123,8 +122,8 @@ def _table(centre: ArrayLike, size: ArrayLike, thickness: float) -> tuple[Points
 def _chair(centre: ArrayLike, back: ArrayLike) -> tuple[Points, Points]:
     """Return the boxes of a chair on y = 0, low and high, shape (8, 3) each.
 
-    ``centre``: float ArrayLike, shape (2,): x and z. ``back``: int ArrayLike, shape (2,): the direction in x
-    and z, a unit vector along an axis, of its back rest.
+    ``centre``: float ArrayLike, shape (2,): x and z. ``back``: int ArrayLike, shape (2,): direction of the
+    back rest in x and z, a unit vector along an axis.
     """
     (x, z), forth = np.asarray(centre, np.float64), np.asarray(back)
     aside, half, thin = forth[::-1], 0.21, 0.04

@@ -1,4 +1,4 @@
-"""A sports car, followed by the camera."""
+"""A sports car that the camera follows."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ WHEELS = (-1.3, 1.4)
 
 
 def sports(shutter: Any = (0.0, 1.0), *, distance: Any = 1.5) -> Traced:
-    """Return a sports car that the camera follows: the car is sharp, wheels and surroundings are blurred.
+    """Return a sports car that the camera follows: the car is sharp, its wheels and surroundings are blurred.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def _car(drive: Any, distance: Any) -> list[tracing.Object]:
 
 
 def _spokes(drive: Any, x: float, distance: Any) -> tracing.Object:
-    """Return the spokes of a wheel on the side of the camera, which roll without sliding."""
+    """Return the spokes of a wheel on the camera's side, which rolls without sliding."""
     angle = 2 * np.pi * np.arange(5) / 5
     along = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=-1)
     across = np.stack([-np.sin(angle), np.cos(angle), 0 * angle], axis=-1)

@@ -18,7 +18,7 @@ FOLDER = resources.files("qmcjax.scenes.traced") / "_data"
 """Folder of the images."""
 
 _SAME = 1e-5
-"""Numbers that differ by less, relatively or absolutely, are equal: some passed through float32."""
+"""Tolerance, relative or absolute, for equal numbers: some were rounded to float32."""
 
 _STEPS = 8
 """Steps per factor of 2 of standard errors."""
@@ -26,13 +26,13 @@ _STEPS = 8
 
 @dataclass(frozen=True)
 class Content:
-    """The identity of a scene: all of its numbers and choices, without the names of classes."""
+    """The identity of a scene: all its numbers and choices, without class names."""
 
     numbers: NDArray[np.float32]
     choices: str
 
     def matches(self, other: "Content") -> bool:
-        """Whether two scenes are the same."""
+        """Return whether two scenes are equal."""
         return self.choices == other.choices and np.allclose(
             self.numbers, other.numbers, rtol=_SAME, atol=_SAME
         )
@@ -46,7 +46,7 @@ class Stored(NamedTuple):
     error: NDArray[np.float64]
     """(side, side): standard errors of pixels, the largest of three channels."""
     rounding: float
-    """Largest change of a value by storing it."""
+    """Largest change of a value by storage."""
     content: Content
 
 
@@ -79,17 +79,17 @@ def save(
 ) -> None:
     """Write an image and its standard errors, rounded to steps below those.
 
-    Differences of neighbouring levels are small numbers, which a compressed archive stores in few bytes.
+    Differences of neighbouring levels are small numbers that compress to few bytes.
 
     ``image``: float64 array, shape (side, side, 3). ``error``: float64 array, shape (side, side). ``of``:
     content of the scene.
     """
     known = error[error > 0]
-    # Errors too small for a byte are rounded up.
+    # Round up errors that are too small for a byte.
     least = max(float(known.min()), float(known.max()) * 2.0 ** -(250 / _STEPS)) if known.size else 1.0
-    # Where nothing is random, samples are still values in single precision.
+    # Even without randomness, samples are in single precision.
     least_step = np.finfo(np.float32).eps * abs(image).max()
-    # Rounding adds a variance of step**2 / 12: at most a 30th to that of half of the pixels.
+    # Rounding adds a variance of step**2 / 12, at most 1/30 of the variance of half of the pixels.
     step = 0.5 * 2.0 ** np.floor(np.log2(max(np.median(error), 2 * least_step) or 1))
     levels = np.rint(image / step).astype(np.int32)
     differences = np.diff(np.diff(levels, axis=0, prepend=0), axis=1, prepend=0).astype("<i4")
@@ -97,7 +97,7 @@ def save(
     np.savez_compressed(
         target,
         allow_pickle=False,
-        # Bytes of equal weight together: the high ones are nearly all equal.
+        # Group bytes of equal weight: the high ones are nearly all equal.
         levels=np.moveaxis(differences[..., None].view(np.uint8), -1, 0),
         step=step,
         error=np.where(error > 0, errors, 0).astype(np.uint8),
@@ -120,7 +120,7 @@ def read(source: Path | IO[bytes]) -> Stored:
 
 @cache
 def load(name: str) -> Stored | None:
-    """Return the stored image of a scene of the package; None without one."""
+    """Return the stored image of a scene of the package, or None."""
     source = FOLDER / f"{name}.npz"
     if not source.is_file():
         return None

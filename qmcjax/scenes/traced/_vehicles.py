@@ -1,6 +1,6 @@
-"""What vehicles are made of: hulls, and motions.
+"""Parts of vehicles: hulls and motions.
 
-The numbers of motions are leaves, so that a new speed does not recompile.
+The parameters of motions are leaves: a new speed does not recompile.
 """
 
 from typing import Any
@@ -18,7 +18,7 @@ Points = NDArray[np.float64]
 
 
 def loft(rings: ArrayLike, start: ArrayLike, end: ArrayLike) -> Points:
-    """Join successive closed outlines to a mesh, and close the ends by fans.
+    """Join successive closed outlines into a mesh, and close the ends with fans.
 
     ``rings``: float ArrayLike, shape (k, n, 3): k outlines of n vertices; counterclockwise for a viewer on
     the side of the next outline. ``start``, ``end``: float ArrayLike, shape (3,): tips of the fans. Returns
@@ -37,13 +37,13 @@ def hull(stations: ArrayLike, count: int, roundness: float) -> Points:
     """Return outlines perpendicular to the x-axis for :func:`loft`, shape (k, count, 3).
 
     ``stations``: float ArrayLike, shape (k, 4): x, increasing; the height y of the centre; half the extent in
-    y and in z. ``count``: vertices of each outline. ``roundness``: 1 is an ellipse, values towards 0 a
+    y and in z. ``count``: vertices of each outline. ``roundness``: 1 gives an ellipse, values towards 0 a
     rectangle: coordinates are those of the circle to this power.
     """
     angle = 2 * np.pi * (np.arange(count) + 0.5) / count
     across, up = (np.sign(f(angle)) * np.abs(f(angle)) ** roundness for f in (np.cos, np.sin))
     x, y, tall, wide = np.asarray(stations, np.float64).T[:, :, None]
-    # Seen against the x-axis z runs to the left.
+    # Seen against the x-axis, z points to the left.
     return np.stack([x + 0 * across, y + tall * up, -wide * across], axis=-1)
 
 
@@ -61,7 +61,7 @@ class Spin:
     def __call__(self, time: Array) -> Array:
         """Return quaternions, shape (..., 4), at times, shape (...)."""
         axis, start, turns = cast((self.axis, self.start, self.turns), time.dtype)
-        # The angle is reduced to one turn before it is multiplied by pi and rounded.
+        # Reduce the angle to one turn before multiplying by pi, which rounds.
         turned = start + turns * time
         return motion.quaternion(axis, 2 * np.pi * (turned - jnp.floor(turned)))
 
@@ -76,7 +76,7 @@ class Spin:
 
 @frozen_pytree
 class Carried:
-    """The motion of a part of a moving whole: first the inner one, then the outer one."""
+    """The motion of a part of a moving object: first the inner motion, then the outer one."""
 
     outer: Any
     inner: Any
@@ -107,6 +107,6 @@ class Drift:
 
 
 def _image(matrix: Array, vector: Array) -> list[Array]:
-    """Return components of matrices times vectors, term by term: in a precision that no library chooses."""
+    """Return components of matrix-vector products, term by term, in a precision that no library chooses."""
     terms = ([matrix[..., j][..., i] * vector[..., j] for j in range(3)] for i in range(3))
     return [x + y + z for x, y, z in terms]

@@ -96,7 +96,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     pictures = {name: _picture(name, size.side) for name in size.scenes}
     low, high = (of(found["ratio"] for found in beside.values()) for of in (min, max))
     title = (
-        f"Designed tiles leave {low:.2f} to {high:.2f} of the best other sampler's errors after a filter,\n"
+        f"Designed tiles leave {low:.2f} to {high:.2f} of the best other sampler's filtered error\n"
         "where all pixels have the same integrand"
     )
     return _draw(title, size, shown, filtered, plain, pictures), {

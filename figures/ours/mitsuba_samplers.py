@@ -228,7 +228,7 @@ def _draw(
             panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
     bars = BAR * len(size.samplers) + 190
     below = len(CURVES) * ROW + bars + 20
-    title = "Samplers of ours in Mitsuba 3, beside its own: errors of pixels and from afar, and rates"
+    title = "Our samplers and Mitsuba's, in Mitsuba 3: errors, filtered errors and rates"
     figure = image_grid(title, panels, 1 + len(_pictured(size)), PANEL, below=below)
     across = int(figure.get_figwidth() * figure.dpi)
     column = across // len(found)

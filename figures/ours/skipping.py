@@ -61,13 +61,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         images.append(Panel(f"{name}, {size.counts[-1]} spp", image, (0.0, highest)))
         of = table[name][str(size.counts[-1])]
         caption = (
-            f"black: the {sampled.mean():.1%} that are sampled\n"
+            f"black: sampled pixels, {sampled.mean():.1%}\n"
             f"RMS error {of['rms error with']:.3g}, without skipping {of['rms error without']:.3g}"
         )
         masks.append(Panel(caption, ~sampled))
         progress(done / len(SCENES))
     title = (
-        "Skipping constant pixels keeps the error; the time need not fall with the samples\n"
+        "Skipping constant pixels keeps the error, but time may fall less than the samples\n"
         f"{size.side} x {size.side} pixels, one key"
     )
     figure = image_grid(title, images + masks, len(SCENES), max(SHOWN, size.side), below=560)

@@ -302,7 +302,7 @@ def _draw(
     axes.axhline(1, color=BLACK, lw=0.6)
     name_axes(axes, "radius on the lens", log="y", few_decades=True, legend="best")
     axes.set(xlim=(0, 1), ylim=(0.4, 12))
-    axes.set_title(f"density over a disc's,\n{many} lines", fontsize=8, pad=4)
+    axes.set_title(f"density relative to\na disc, {many} lines", fontsize=8, pad=4)
 
     white = 3 * float(pictures["a disc, exact"].max())
     for k, (caption, image) in enumerate(pictures.items()):

@@ -228,6 +228,6 @@ def _draw(
     name_axes(left, "frames", "largest difference", title, log="xy", legend="center left")
     curve(right, errors, Style(BLACK, "o"), label="equally spaced times", **look)
     right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
-    title, ticks = "A thick line that moves", list(errors)
+    title, ticks = "A thick moving line", list(errors)
     name_axes(right, "times per pixel", "RMS error", title, log="xy", ticks=ticks, legend="center left")
     return figure

@@ -151,7 +151,7 @@ class Panel(NamedTuple):
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure in processes of their own, and traced scenes here, and draw error over time."""
+    """Measure in separate processes, and traced scenes here, and draw error over time."""
     sweep = this_machine.measure_apart(speed_sweep, quality)
     progress(0.4)
     peers = this_machine.measure_apart(peer_images, quality)

@@ -1,4 +1,4 @@
-"""How often confidence intervals hold the truth, and how often identical samplers are told apart."""
+"""How often confidence intervals hold the truth, and how often identical samplers are distinguished."""
 
 from collections.abc import Callable
 from typing import Any
@@ -275,7 +275,7 @@ def _kinds(axes: Axes, means: Means, wanted: float, title: str, x: str) -> None:
 
 
 def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    """Draw how often any two of identical samplers are told apart, the most over numbers of samplers."""
+    """Draw how often any two of identical samplers are distinguished, the most over numbers of samplers."""
     for color, errors in enumerate(coverage.ERRORS):
         of = [row for row in rows if row["errors"] == errors]
         most = {keys: max(row["rate"] for row in of if row["keys"] == keys) for keys in coverage.KEYS}
@@ -288,7 +288,7 @@ def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 
 def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    """Draw the part of all pairs that is told apart over the ratio of errors."""
+    """Draw the share of distinguished pairs over the ratio of errors."""
     for color, keys in enumerate(coverage.KEYS):
         rates = {row["ratio"]: row["rate"] for row in rows if row["keys"] == keys}
         curve(axes, rates, Style(f"C{color}", "o"), lw=1.5, label=f"{keys} keys")

@@ -76,7 +76,7 @@ def measured_area(scene: str, side: int) -> diffusion.Area:
 
 
 def render_images(scene: str, size: Size) -> Images:
-    """Return images by a process of their own."""
+    """Return images in a separate process."""
     runs = [Run(REFERENCE, REFERENCE_SPP, REFERENCE_KEY + k) for k in range(size.replicates)]
     runs += [Run(name, spp, KEY) for name in size.samplers for spp in size.counts]
     with tempfile.TemporaryDirectory() as folder:
@@ -126,7 +126,7 @@ NOTE = (
 def make(
     quality: str, progress: Callable[[float], None]
 ) -> tuple[Figure, dict] | tuple[Figure, dict, dict[str, NDArray]]:
-    """Render all scenes in processes of their own, and draw images, errors, spectra and speeds."""
+    """Render all scenes in separate processes, and draw images, errors, spectra and speeds."""
     if not mitsuba_scenes.installed():
         return _missing()
     size = SIZES[quality]

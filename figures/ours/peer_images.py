@@ -1,4 +1,4 @@
-"""Images by us and by what a user would take instead, in a process of its own.
+"""Images by us and by the programs a user would take instead, in a separate process.
 
 The checkerboard and the zone plate, with one scrambled Sobol' sequence in contiguous blocks of pixels: times
 of the calls after the first, each with a new key, that of the first, and errors.

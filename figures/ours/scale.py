@@ -43,7 +43,7 @@ NOTE = (
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure in processes of their own, and draw time and memory over sizes."""
+    """Measure in separate processes, and draw time and memory over sizes."""
     images = this_machine.measure_apart(image_scaling, quality)
     progress(0.4)
     measures = this_machine.measure_apart(measure_scaling, quality)

@@ -203,7 +203,7 @@ Rates = Mapping[str, Mapping[str, float]]
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure one kind after the other, points in a process of its own, and draw dots."""
+    """Measure one kind after the other, points in a separate process, and draw dots."""
     made = this_machine.measure_apart(point_rates, quality)
     progress(0.2)
     on_device = this_machine.measure_apart(device_rates, quality)

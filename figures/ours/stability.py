@@ -258,7 +258,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     panels = of_points | of_rays
     figure = new_figure(
-        "Single precision suffices for points and sums, not for high frequencies and rays far from the origin\n"
+        "Single precision suffices for points and sums, not for high frequencies and distant rays\n"
         "dashed: errors that an image shows; errors of 0 are drawn at the bottom",
         11,
         19,

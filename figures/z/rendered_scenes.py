@@ -155,7 +155,7 @@ NOTE_10 = (
 
 
 def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
-    """Render the four scenes by the four samplers, measure errors seen from afar, and hand the images out."""
+    """Render the four scenes by the four samplers, measure filtered errors, and hand the images out."""
     side, small, keys = SIDE_10[quality], JUDGED_SIDE_10[quality], KEYS[quality]
     compared = {name: getattr(scenes, name)() for name in CROPS}
     compared["interior"] = scenes.interior(BOUNCES[quality])

@@ -38,7 +38,7 @@ WHITE, BLUE = (0.67, 1.5), 0.67
 """Power at low frequencies: near to that of white noise, and below it."""
 
 STRUCTURED = 1.1
-"""How many times the share of white noise in the strongest frequencies tells structure."""
+"""How many times the share of white noise in the strongest frequencies shows structure."""
 
 LOW, FILTERED = "low-frequency power", "filtered error"
 

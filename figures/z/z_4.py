@@ -84,7 +84,7 @@ def unfold(side: int, reverse: list[bool]) -> list[NDArray[np.int64]]:
 
     The first cut parts the lower and the upper half. Each later step cuts the strip across into bars half as
     wide as the strip, and turns them about the ends of the cuts, by a quarter to the one side and the other.
-    ``reverse`` tells for each such step whether it begins from the other side.
+    ``reverse`` says for each such step whether it begins from the other side.
     """
     square = np.arange(side**2).reshape(side, side)
     strips = [square, np.hstack([square[: side // 2], np.rot90(square[side // 2 :], 2)])]

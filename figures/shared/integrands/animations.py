@@ -1,4 +1,4 @@
-"""Ways through the frames of an animation: a sampler of its own for each frame, and images of its samples."""
+"""Ways through the frames of an animation: one sampler for each frame, and images of its samples."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -34,7 +34,7 @@ Maker = Callable[[int, int, int, int], samplers.Sampler]
 
 
 def over_time(make: Maker) -> Callable[..., Animation]:
-    """Return makers of animations from those of samplers with frames of their own."""
+    """Return makers of animations from those of samplers with their own frames."""
 
     def animation(*args: int) -> Animation:
         sampler: Any = make(*args)

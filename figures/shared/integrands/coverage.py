@@ -1,4 +1,4 @@
-"""How often intervals hold the integral, and how often identical samplers are told apart by their errors."""
+"""How often intervals hold the integral, and how often identical samplers are distinguished."""
 
 import itertools
 import math

@@ -1,1 +1,1 @@
-"""Mitsuba 3 in processes of its own."""
+"""Mitsuba 3 in separate processes."""

@@ -1,4 +1,4 @@
-"""Images by Mitsuba 3 with its samplers and ours, and their times, in a process of its own.
+"""Images by Mitsuba 3 with its samplers and ours, and their times, in a separate process.
 
 Images: ``python -m`` and the name of this module. The task comes in JSON at standard input: the name of a
 scene, a side, runs, and the file for the result. Times: `measure`. The task has a variant, the names of

@@ -54,7 +54,7 @@ def run(
 ) -> tuple[NDArray[np.float32], list[float], list[int]]:
     """Return images (runs, height, width, 3), the seconds that each took, and how many samples it had.
 
-    In a process of its own, since Mitsuba may abort the one that it is in. All of its threads render. Some
+    In a separate process, since Mitsuba may abort the one that it is in. All of its threads render. Some
     samplers round the number of samples up.
     """
     with tempfile.TemporaryDirectory() as folder:

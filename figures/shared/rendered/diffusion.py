@@ -1,4 +1,4 @@
-"""References of rendered scenes, and errors of images as the eye sees them: how much is left from afar.
+"""References of rendered scenes, and filtered errors of images, about what the eye sees at a distance.
 
 Run as a program, the module estimates the reference anew that is kept beside it: means of pixels over
 randomised replicates.

@@ -57,7 +57,7 @@ class Shuffled(samplers.Sampler):
     bits: int = field(metadata={"static": True})
     """Logarithm of the number of samples that are permuted."""
     in_pixels: bool = field(metadata={"static": True})
-    """Whether each pixel has an order of its own."""
+    """Whether each pixel has its own order."""
 
     @property
     def dims(self) -> int:
@@ -92,7 +92,7 @@ def zero_two(sizes: tuple[int, ...], key: int, orders: int, bits: int = 32) -> P
 
 
 def ranked(sizes: tuple[int, ...], key: int) -> Padded:
-    """Make a sampler of blue noise by keys for many dimensions: constituents have translations of their own.
+    """Make a sampler of blue noise by keys for many dimensions: each constituent has its own translation.
 
     It stands for that of Heitz et al., whose keys were arranged for eight dimensions together.
     """
@@ -100,7 +100,7 @@ def ranked(sizes: tuple[int, ...], key: int) -> Padded:
 
 
 def ranked_in_orders(sizes: tuple[int, ...], key: int, orders: int, bits: int) -> Padded:
-    """Make the same with 2**bits samples, for each constituent in an order of its own.
+    """Make the same with 2**bits samples, each constituent in its own order.
 
     The arrangement in a tile is of sets of samples: an order that is the same everywhere leaves it.
     """

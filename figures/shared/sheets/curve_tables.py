@@ -19,10 +19,10 @@ CURVES = {
 """In the order of the columns of the Hilbert paper's figures."""
 
 STRONGEST = 0.01
-"""The part of an image's frequencies whose share of the power tells regular structures."""
+"""The part of an image's frequencies whose share of the power shows regular structures."""
 
 LOW = 1 / 16
-"""Cycles a pixel, below which the eye sees errors from afar."""
+"""Cycles a pixel, below which the eye sees errors at a distance."""
 
 SHARE, POWER = "share of the strongest 1 % of frequencies", "power at low frequencies"
 
@@ -79,7 +79,7 @@ def enumerate_pixels(curve: Curve, sequence: sequences.Sequence, dim: int = 0) -
 
 
 def structure(image: NDArray[np.float64]) -> dict[str, float]:
-    """Measure how regular an image is, and how much of it shows from afar; see `EXPLAINED`."""
+    """Measure how regular an image is, and how much power it has at low frequencies; see `EXPLAINED`."""
     spectrum = analysis.error_spectrum(image, np.zeros_like(image))
     distance = np.hypot(*np.meshgrid(*(np.fft.fftfreq(side) for side in spectrum.shape)))
     return {

@@ -1,6 +1,6 @@
 """Rates on a GPU beside this machine's processor and a bound of an H100, and differences of bits.
 
-In a process of its own, which sees all devices.
+In a separate process, which sees all devices.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Time and memory of images over pixels and samples, in a process of its own: its peak of memory is read."""
+"""Time and memory of images over pixels and samples, in a separate process: its peak of memory is read."""
 
 from typing import Any
 

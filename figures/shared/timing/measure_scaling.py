@@ -1,4 +1,4 @@
-"""Time and memory of measures over numbers of points, in a process of its own: its peak of memory is read."""
+"""Time and memory of measures over numbers of points, in a separate process: its peak of memory is read."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

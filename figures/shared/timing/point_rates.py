@@ -1,4 +1,4 @@
-"""Coordinates per second, ours and peers', in a process of its own: its peak of memory is read.
+"""Coordinates per second, ours and peers', in a separate process: its peak of memory is read.
 
 Medians of several calls, each for other points, after others that are not counted.
 """

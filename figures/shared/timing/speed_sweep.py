@@ -1,4 +1,4 @@
-"""Run time and error of images by scene, sampler and spp, in a process of its own.
+"""Run time and error of images by scene, sampler and spp, in a separate process.
 
 Samplers take turns, each call with a new key, so that noise hits all; the first one of each compiles.
 """

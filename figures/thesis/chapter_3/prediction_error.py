@@ -69,7 +69,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     mean = exact
     fraction: dict[str, float] = {}
     excess: dict[str, float] = {}
-    # The most samples first: they tell where something changes.
+    # The most samples first: they show where something changes.
     for done, fail in enumerate(reversed(size.fails), start=1):
         checks = tuple(max(fail // 2 ** (level + 1), 1) for level in range(1, LEVELS + 1))
         found = [

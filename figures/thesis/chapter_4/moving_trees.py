@@ -43,7 +43,7 @@ def flying_helicopter(detail: int, segments: int = 36) -> Moving:
 
 
 def flying_knots(detail: int) -> Moving:
-    """Return the crowd of knots, each on a line of its own, some of them fast."""
+    """Return the crowd of knots, each on its own line, some of them fast."""
     mesh = knots(detail)
     count = len(mesh.triangles) // 25
     way = np.random.default_rng(4).normal(size=(25, 1, 1, 3)) * np.array([2.5, 0.5, 2.5])
@@ -93,7 +93,7 @@ NOTE = (
     "Linear motion between two times, for the helicopter {knots}: its rotors turn 2.25 times. The "
     "ground and the terrain are still. Expected nodes: summed areas relative to the area of the scene's "
     "box over all times, the mean over lines spread evenly in space and time. Visited nodes: {side} x "
-    "{side} primary rays, each at a time of its own. A box counts once per stored time or part. "
+    "{side} primary rays, each at its own time. A box counts once per stored time or part. "
     "Interpolated boxes are stored for all times; 'half-way' uses the tree for the middle of the "
     "shutter. Each of the 2 to {parts} parts of the shutter has its own tree (Eq. 4.7). Triangles split "
     "in time have up to {most} parts, with at most 1 / kappa of the area if that is enough, in one tree "

@@ -1,6 +1,6 @@
 """Measures of points, orders and images, and of run time against error.
 
-Arguments are checked: TypeError and ValueError name the argument, what it must be and what was given.
+Arguments are checked: a TypeError or ValueError names the argument, the requirement and the value.
 """
 
 from analysis._comparing.compare import compare as compare

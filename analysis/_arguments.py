@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 
 FLOATS = (np.float16, np.float32, np.float64)
-"""Types of coordinates that float64 holds exactly."""
+"""Types of coordinates that float64 represents exactly."""
 
 
 def array(name: str, value: Any, wanted: str) -> NDArray[Any]:
-    """Return an array of numbers, or raise a TypeError if there is none to see."""
+    """Return an array of numbers, or raise a TypeError."""
     if isinstance(value, Tracer):
         raise TypeError(f"{name} must be {wanted}, known and not traced by JAX, got {value}")
     try:
@@ -96,9 +96,9 @@ def check_finite(name: str, values: NDArray[np.float64]) -> None:
 
 
 def error(image: Any, reference: Any, animated: bool = False) -> Any:
-    """Return the error of an image, shape (height, width, channels), traced if one of both is, or raise.
+    """Return the error of an image, shape (height, width, channels), traced if either is, or raise.
 
-    ``animated``: whether the first axis is time. The reference may be that of all frames then.
+    ``animated``: whether the first axis is time. One reference may then serve all frames.
     """
     given, exact = real_array("image", image), real_array("reference", reference)
     if exact.shape not in (given.shape, given.shape[1:] if animated else given.shape):

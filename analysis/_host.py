@@ -1,7 +1,7 @@
-"""What runs outside of JAX: loops that Numba compiles, and measures in NumPy as functions of JAX.
+"""Computations outside JAX: loops that Numba compiles, and NumPy measures as JAX functions.
 
-The supremum that defines such a measure is attained at a pair, a box or a ball of a few points. Where it is
-attained only there, the measure has the derivative of that pair, box or ball; at ties that of one of them.
+The supremum that defines such a measure is attained at a pair, a box or a ball of a few points. The
+derivative of the measure is that of this pair, box or ball; at ties that of one of them.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from jax import Array
 from numpy.typing import NDArray
 
 COMPILED = find_spec("numba") is not None
-"""Whether they are compiled; else they take a hundred times as long."""
+"""Whether loops are compiled; otherwise they take a hundred times as long."""
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile at the first call, and cache the result on disk where possible.
 
     Sums keep their order. NaN and signed zeros are assumed not to occur, so minima and maxima are vectorized.
-    Other threads run meanwhile.
+    The GIL is released.
     """
     if not COMPILED:
         return function
@@ -48,7 +48,7 @@ def threads() -> ThreadPoolExecutor:
 
 
 def _multiply_add() -> Callable[..., float]:
-    """Return a function for a b + c, rounded once: one instruction of most processors, else a call of C."""
+    """Return a function for a b + c, rounded once: one instruction on most CPUs, else a C call."""
     if not COMPILED:
         return lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c))
     from numba import float64  # pyright: ignore[reportMissingImports]
@@ -103,7 +103,7 @@ def call_back(
 
 
 def call_back_count(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any:
-    """Return integers of a traced array that NumPy counts; they have no derivative."""
+    """Return integers that NumPy counts from a traced array; they have no derivative."""
     return _call(function, outline, jax.lax.stop_gradient(given))
 
 

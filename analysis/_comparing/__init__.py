@@ -1,1 +1,1 @@
-"""Samplers side by side: errors, times and kept promises."""
+"""Comparisons of samplers: errors, times and promises."""

@@ -44,27 +44,26 @@ def compare(
     Parameters
     ----------
     samplers : mapping of names to samplers
-        Each is a sampler, or a function that makes one from those of ``width``, ``height``, ``spp`` and
-        ``key`` (an int) that it names as parameters. Without ``key`` it is rendered once, without confidence
-        intervals.
+        Each is a sampler, or a function that makes one; its parameters are any of ``width``, ``height``,
+        ``spp`` and ``key`` (an int). Without ``key`` it is rendered once, without confidence intervals.
     scenes : mapping of names to scenes, with a ``reference(width, height)``
     spps : iterable of int, different numbers of samples per pixel
     width, height : int, size of the images in pixels, at least 32
     keys : int
-        Number of images, with keys 0, 1, ...; fewer than 4 give neither intervals nor ranks.
+        Number of images, with keys 0, 1, ... Fewer than 4 give neither intervals nor ranks.
     progress : callable, optional, called with the finished fraction in (0, 1]
 
     Returns
     -------
     Comparison
-        Samplers with too few dimensions for a scene, that do not support a number of samples, or that fail,
-        are left out there; ``left_out`` says why. Failures are listed in ``promises`` too.
+        Samplers that have too few dimensions for a scene, do not support a number of samples, or fail, are
+        omitted there; ``left_out`` gives the reason. Failures are also listed in ``promises``.
 
     Notes
     -----
-    Measures of points are the star discrepancy and the toroidal minimum distance of those of the first 16 x
-    16 pixels in that square, the distance relative to the largest possible one for this number of points; and
-    the largest t of these pixels' own points as nets, if their number is a power of 2.
+    Measures of points are the star discrepancy and the toroidal minimum distance of the points in the square
+    of the first 16 x 16 pixels, the distance relative to the largest possible one for this number of points,
+    and the largest t of the points in each of these pixels as nets, if their number is a power of 2.
 
     Examples
     --------
@@ -156,7 +155,7 @@ class Maker:
         return as_sampler(f"samplers[{self.name!r}]", made)
 
     def broken(self, spp: int) -> list[str]:
-        """Return the promises that samplers with so many samples break."""
+        """Return the promises that samplers break at this number of samples."""
         try:
             return broken_promises(self(spp, 0), **self._size, spp=spp)
         except ValueError as error:
@@ -167,7 +166,7 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
     height, width = reference.shape[:2]
     sampler = maker(spp, 0)
     first = np.asarray(render(scene, sampler, width, height, spp))
-    # The same object: another one may compile anew.
+    # The same object, since another one may recompile.
     seconds = [time_render(scene, sampler, width, height, spp)[0] for _ in range(_TIMED)]
     others = (np.asarray(render(scene, maker(spp, key), width, height, spp)) for key in range(1, maker.keys))
     images = itertools.chain([first], others)

@@ -38,7 +38,7 @@ class ComparisonRow:
     frequency: NDArray[np.float64]
     """Cycles per pixel."""
     power: NDArray[np.float64]
-    """Of the errors at these frequencies, the mean over keys; 1 for white noise."""
+    """Power of the errors at these frequencies, averaged over keys; 1 for white noise."""
     image: NDArray[np.float32]
     """With the first key."""
 
@@ -75,8 +75,8 @@ class ComparisonRow:
     def interval(self, measure: str) -> tuple[float, float]:
         """Return a 95 % confidence interval of the geometric mean over all keys.
 
-        It is Student's, for logarithms: valid if these are nearly normal, and too long if their tails are
-        heavy. For fewer than 4 keys, or with a value of 0, it is (0, inf).
+        It is a Student's t interval of logarithms: valid if these are nearly normal, and too long for heavy
+        tails. For fewer than 4 keys, or with a value of 0, it is (0, inf).
         """
         logarithms = self._logarithms(measure)
         if not np.isfinite(logarithms).all():
@@ -97,14 +97,14 @@ class Comparison:
     rows: tuple[ComparisonRow, ...]
     """In the order of scenes, samplers and numbers of samples."""
     points: dict[str, dict[int, dict[str, float]]]
-    """Measures of points in 16 x 16 pixels, and in one, by sampler and number of samples."""
+    """Measures of points in 16 x 16 pixels and in single ones, by sampler and number of samples."""
     promises: dict[str, list[str]]
     """Broken promises by sampler; see :func:`broken_promises`."""
     left_out: dict[tuple[str, str, int], str]
     """Why a row is missing: by scene, sampler and number of samples."""
     references: dict[str, NDArray[np.float64]]
     makers: dict[str, Callable[[int, int], Sampler]] = field(default_factory=dict)
-    """By sampler: from a number of samples and a key to the sampler."""
+    """For each sampler, a function from a number of samples and a key to the sampler."""
 
     def row(self, scene: str, sampler: str, spp: int) -> ComparisonRow:
         """Return one row.
@@ -114,7 +114,7 @@ class Comparison:
         KeyError
             If there is none.
         TypeError, ValueError
-            If no row has such a scene, sampler or number of samples.
+            If no row has this scene, sampler or number of samples.
         """
         for row in self._rows(scene=scene, sampler=sampler, spp=spp):
             return row
@@ -139,9 +139,9 @@ class Comparison:
     def slope(self, scene: str, sampler: str, measure: str = "RMS error") -> tuple[float, float, float]:
         """Return the exponent a of error = c spp^a, and its 95 % confidence interval.
 
-        Each key has a slope, that of the least-squares line through its logarithms. The interval of their
-        mean is Student's; for fewer than 4 keys it is infinite. Errors that do not follow a line still have a
-        slope: the interval is for the slope of their geometric means over all keys.
+        Each key has a slope, that of the least-squares line through its logarithms. The interval for their
+        mean is Student's; for fewer than 4 keys it is infinite. If errors do not follow a line, the interval
+        is still for the slope of their geometric means over all keys.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Comparison:
             If there are fewer than two numbers of samples, or an error is zero.
         """
         rows = self._rows(scene=scene, sampler=sampler)
-        # Keys that all rows have, one each.
+        # The keys that all rows have.
         logarithms = np.array(list(zip(*(row._logarithms(measure) for row in rows), strict=False)))
         if len(rows) < 2 or not np.isfinite(logarithms).all():
             raise ValueError(f"sampler {sampler!r} must have two or more errors on {scene!r}, none zero")
@@ -158,12 +158,12 @@ class Comparison:
         return float(slopes.mean()), *student.interval(slopes)
 
     def ranks(self, scene: str, spp: int, measure: str = "RMS error") -> dict[str, tuple[int, int, int]]:
-        """Return the rank of each sampler, 1 for the best, with the lowest and highest that keys allow.
+        """Return the rank of each sampler, 1 for the best, with the lowest and highest possible rank.
 
-        A sampler is ranked behind others only if they are significantly better. Two are compared by the
-        logarithms of their ratios, key by key, with Student's distribution; all pairs of one call by Holm's
-        procedure: with probability 95 %, all ranks over all keys are within the intervals. Samplers with
-        fewer than 4 keys or with an error of zero are never significantly different.
+        A sampler is ranked behind others only if they are significantly better. Two samplers are compared by
+        the logarithms of their ratios, key by key, with Student's distribution; Holm's procedure covers all
+        pairs of one call: with probability 95 %, all ranks over all keys are within the intervals. Samplers
+        with fewer than 4 keys or with an error of zero are never significantly different.
         """
         rows = self._rows(scene=scene, spp=spp)
         logarithms = [row._logarithms(measure) for row in rows]

@@ -35,7 +35,7 @@ class ConvergenceRow:
     seconds: float
     """Median over the repeated renderings."""
     first_seconds: float
-    """The first rendering, including compilation where needed."""
+    """The first rendering, including compilation if needed."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ConvergenceTable:
 
     rows: tuple[ConvergenceRow, ...]
     bound: float
-    """Bound on the reference's own error: do not trust errors near it."""
+    """Bound on the error of the reference: do not trust errors near it."""
 
     def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
@@ -105,8 +105,8 @@ class ConvergenceTable:
     def efficiency(self, sampler: str, region: str = "whole") -> NDArray[np.float64]:
         """Return 1 / (seconds * mean squared error) for each number of samples.
 
-        Twice the efficiency is the same error in half the time, if errors decrease like those of random
-        samples. It is infinite for an error of zero.
+        At twice the efficiency, the same error takes half the time, if errors decrease as for random samples.
+        It is infinite for an error of zero.
         """
         _, errors = self.errors(sampler, region)
         seconds = np.array([row.seconds for row in self.rows if row.sampler == sampler])
@@ -130,45 +130,45 @@ def convergence(
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
 
-    The error is ``sqrt(mean((I - I_ref)**2))`` over the values of a region: the norm of [1]_,
-    ``||I - I_ref||_2``, divided by the square root of their number, so that it does not depend on
-    the resolution. The reference is computed once.
+    The error is ``sqrt(mean((I - I_ref)**2))`` over the values of a region. This is the norm of [1]_,
+    ``||I - I_ref||_2``, divided by the square root of their number, to be independent of the resolution. The
+    reference is computed once.
 
     Parameters
     ----------
     scene : Scene
         Needs a ``reference(width, height)``, unless ``reference`` is given.
     samplers : mapping of names to samplers
-        Each is a Sampler, or a function from the samples per pixel to one: nets and contiguous
-        samplers are made for one number of samples.
+        Each is a Sampler, or a function from the samples per pixel to one, since nets and contiguous samplers
+        are made for one number of samples.
     spps : iterable of int, different numbers of samples per pixel, at least 1
     width, height : int, in [1, 65536]
     regions : mapping of names to numpy indices, optional
         Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
-        default the whole image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
-        others.
+        default the "whole" image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
+        rest.
     repeats : int
         Number of renderings for the median time, after the first one.
     reference : (image, bound), optional
-        Replaces the scene's own: an image of shape (height, width) or (height, width, 3), and one bound on
-        the errors of its values or an array of bounds, as returned by :func:`qmcjax.estimated_reference`.
+        Replaces the reference of the scene: an image of shape (height, width) or (height, width, 3), and one
+        bound on the errors of its values, or an array of bounds, as from :func:`qmcjax.estimated_reference`.
     progress : callable, optional, called with the finished fraction in (0, 1] after each image
     checkpoint : path or Checkpoint, optional
         A file for the rows of finished images, written every half minute. Calling the function again with the
-        same arguments resumes from it, with the times that were measured then. The file is not deleted. Use
-        a :class:`qmcjax.Checkpoint` with a label if foreign code takes part.
+        same arguments resumes from it, with the times measured before. The file is not deleted. With foreign
+        code, pass a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the images; the
         devices of a process share the pixels of an image. Each process gets all rows. The time of an image is
-        that of its process, while the others render theirs.
+        measured in its process, while the others render other images.
 
     Raises
     ------
     TypeError
         Also if the scene has no reference and none is given.
     ValueError
-        Before anything is rendered, also if a region is empty, a sampler does not support the image size or a
-        number of samples, or ``checkpoint`` is damaged or belongs to other arguments, labels or versions.
+        Before rendering, also if a region is empty, a sampler does not support the image size or a number of
+        samples, or ``checkpoint`` is damaged or belongs to other arguments, labels or versions.
 
     References
     ----------
@@ -206,7 +206,7 @@ def convergence(
     finished = {(row.sampler, row.spp) for row in rows}
     rest = [planned for planned in plan if planned[:2] not in finished]
     while rest:
-        # Processes of a mesh render images of similar cost at the same time, so that none waits.
+        # Processes of a mesh render images of similar cost at the same time, to avoid waiting.
         rest.sort(key=lambda planned: _expected_seconds(rows, *planned[:2]))
         at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
         measured = np.zeros(2 + len(regions))
@@ -306,7 +306,7 @@ def _expected_seconds(rows: list[ConvergenceRow], sampler: str, spp: int) -> flo
 def time_render(
     scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None = None
 ) -> tuple[float, Array]:
-    """Render, and return the seconds that it took, and the image."""
+    """Render, and return the seconds and the image."""
     start = time.perf_counter()
     image = render(scene, sampler, width, height, spp, mesh=mesh).block_until_ready()
     return time.perf_counter() - start, image

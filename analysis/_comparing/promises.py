@@ -26,17 +26,17 @@ _UNSEEN = 14
 _ROUNDING = 1e-6
 
 _ALONE = 16
-"""Coordinates that are requested alone, at most."""
+"""Maximum number of coordinates that are requested alone."""
 
 
 def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
     """Return the rules for samplers that a sampler breaks.
 
-    Its points must have the requested shape and dtype, float32 or float64, be in [0, 1), and be the same at
-    each call, alone or with other samples, also under ``jax.jit``, whichever other coordinates are requested,
-    one alone too; those of a pixel must differ from each other, and all points together must be uniform in
-    each coordinate. A coordinate may take few values, as masks and grids of samples do: then there must be
-    one in each of as many equal intervals, all equally frequent.
+    Its points must have the requested shape and dtype, float32 or float64, and be in [0, 1). They must be the
+    same in each call: alone or with other samples, also under ``jax.jit``, and for any set of requested
+    coordinates, including a single one. The points of a pixel must be distinct, and all points together must
+    be uniform in each coordinate. If a coordinate takes few values, as with masks and grids of samples, there
+    must be one in each of as many equal intervals, all equally frequent.
 
     Parameters
     ----------
@@ -52,12 +52,13 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
 
     Notes
     -----
-    Uniformity is tested at a level of 1e-6 over pixels, each distinct set of samples of a pixel counted as
-    one draw, or over distinct values, whichever are more. What is no promise is not tested: coordinates that
-    depend on each other, pixels that share points, samples that are uniform only together, a quality below
-    that of independent points, a bias below 2.7 standard deviations of so many draws or below the spacing of
-    values, keys that change nothing, pixels and samples beyond those tested. A tile of few pixels, moved from
-    place to place, has fewer independent draws than are counted, and may be named by chance.
+    Uniformity is tested at a level of 1e-6 over pixels, with each distinct set of samples of a pixel as one
+    draw, or over distinct values, whichever are more. Properties that are not promised are not tested:
+    coordinates may depend on each other, pixels may share points, samples may be uniform only together, and
+    the quality may be below that of independent points. Not detected are a bias below 2.7 standard deviations
+    of so many draws or below the spacing of values, keys without effect, and faults in other pixels and
+    samples. A tile of few pixels that moves from place to place has fewer independent draws than are counted,
+    and may fail by chance.
 
     Examples
     --------
@@ -83,7 +84,7 @@ def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str
 def _find_broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterator[str]:
     try:
         sampler.check(width, height, spp)
-    except Exception as error:  # Whatever a user's code raises is what the user has to know.
+    except Exception as error:  # Report whatever the user's code raises.
         yield f"it refuses {width} x {height} pixels with {spp} samples: {error_line(error)}"
         return
     dims = tuple(range(sampler.dims))
@@ -131,12 +132,12 @@ def _find_broken(sampler: Sampler, width: int, height: int, spp: int) -> Iterato
 def _try(call: Callable[[], Any]) -> tuple[NDArray | None, str]:
     try:
         return np.asarray(call()), ""
-    except Exception as error:  # The user needs to see whatever the code of the sampler raises.
+    except Exception as error:  # Report whatever the sampler's code raises.
         return None, error_line(error)
 
 
 def error_line(error: Exception) -> str:
-    """Return one line on what user code raised: for errors of the kinds of this package, the text alone."""
+    """Describe an exception of user code in one line: for errors of this package's kinds, only the text."""
     text = next(iter(str(error).splitlines()), "")
     return text if type(error) is ValueError else f"{type(error).__name__}: {text}"
 

@@ -1,1 +1,1 @@
-"""Expected error over classes of integrands, and samples that minimise it."""
+"""The expected error over classes of integrands, and samples that minimise it."""

@@ -22,13 +22,13 @@ from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.samplers.turned_tiles import from_outlines, stratified, to_outlines
 
 _OWN = 0.05
-"""Weight of each pixel's own error beside the one seen from afar."""
+"""Weight of the unfiltered error relative to the filtered one."""
 
 _NODES = 256
-"""Points at which potentials are averaged in the descent: ten times as fast as in closed form."""
+"""Points for averaging potentials in the descent, ten times as fast as the closed form."""
 
 _LEAST = 3e-3
-"""Pixels with less weight relative to the pixel's own are not paired in the descent."""
+"""Pixels with less weight, relative to the pixel itself, are not paired in the descent."""
 
 _RATE, _NOISE = 0.1, 0.3
 """Length of the first steps, and of their noise relative to them."""
@@ -40,11 +40,11 @@ _EDGE = 1e-5
 """Distance from the cube's faces at which points stop."""
 
 _TURNS = (0.7548776662466927, 0.5698402909980532)
-"""1/p and 1/p**2, where p**3 = p + 1: their multiples modulo 1 are spread well."""
+"""1/p and 1/p**2 with p**3 = p + 1: their multiples modulo 1 are well spread."""
 
 
 class DesignedSamples(NamedTuple):
-    """The points of a tile, and how their error fell."""
+    """The points of a tile, and the history of their error."""
 
     points: NDArray[np.float64]
     """Shape (height, width, spp, dims) or (height, width, frames, spp, dims), for `qmcjax.samplers.tiled`."""
@@ -74,25 +74,25 @@ def design_samples(
     width, height : int
         Pixels of the tile, powers of two up to 1024.
     spp : int, samples of each pixel, a power of two up to 256
-    key : jax.random.key, or int in [0, 2**32), of the points at the start and of noise
+    key : jax.random.key, or int in [0, 2**32), for the initial points and the noise
     dims : int, 2 or 4
     frames : int, optional
         Frames of an animation, a power of two up to 1024.
     integrands, filters
-        The error, as for :func:`expected_error`; by default, after a Gaussian filter of 1.5 pixels, with 0.05
-        of the mean square error of unfiltered pixels if they have more than one sample. For animations see
-        :class:`Filter`. Of known integrands jumps count, too: derivatives are those of integrands blurred by
-        Gaussians of 0.2 at first, and of 0.02 at the end. With scenes among them the tile is their image, and
-        is neither turned in the design nor to be moved: see the notes.
+        The error, as for :func:`expected_error`; by default, after a Gaussian filter of 1.5 pixels, plus 0.05
+        times the mean square error of unfiltered pixels if they have more than one sample. For animations see
+        :class:`Filter`. Jumps of known integrands count, too: derivatives are those of integrands blurred by
+        Gaussians of width 0.2 at first, and 0.02 at the end. If there are scenes among them, the tile is
+        their image: it is not turned in the design, and must not be moved (see Notes).
     progressive : bool
-        Whether the first 1, 2, 4, ... samples of all pixels are to have small errors, too, all equally
-        important relative to independent samples.
+        Whether to design the first 1, 2, 4, ... samples of all pixels for small errors, too, all weighted
+        equally relative to independent samples.
     steps : int
         In [20, 2**31), rounded up to a multiple of 20; each takes one gradient.
     progress : callable, optional
         Called with the finished part, in (0, 1], after every 20 steps; see :func:`qmcjax.progress_bar`.
     checkpoint : path or Checkpoint, optional
-        A file from which an interrupted run goes on, to the same bits.
+        A file from which an interrupted run resumes, with bit-identical results.
 
     Returns
     -------
@@ -101,14 +101,14 @@ def design_samples(
 
     Notes
     -----
-    Adam [1]_ with steps that shrink as a cosine, and annealed noise in the first half. Each step turns the
-    tile as :func:`qmcjax.samplers.tiled` does, by another angle, so that the error is small on average over
-    turns. Every 20 steps points are moved to strata of equal area, and at the end: over the key, a sampler
-    of them is exactly uniform in every pixel. That constraint costs a few percent of the error: free points
-    stay away from the faces of the cube.
+    The method is Adam [1]_ with a cosine schedule of step lengths, and annealed noise in the first half. Each
+    step turns the tile as :func:`qmcjax.samplers.tiled` does, by another angle, to minimise the error on
+    average over turns. Every 20 steps and at the end, points are moved to strata of equal area: a sampler of
+    them is exactly uniform over keys in every pixel. This constraint costs a few percent of the error, since
+    free points stay away from the faces of the cube.
 
-    A tile for scenes has the size of their image, whose pixels it knows: ``samplers.function(lambda x, y,
-    sample: points[y, x, sample], dims)`` draws just its points, without a key. What it gains it gains for
+    A tile for scenes has the size of their image and is fitted to its pixels: ``samplers.function(lambda x,
+    y, sample: points[y, x, sample], dims)`` returns exactly its points, without a key. Its gain is limited to
     that camera.
 
     A tile of 64 x 64 pixels with one sample takes about 20 seconds on two cores. The time is proportional
@@ -167,7 +167,7 @@ def design_samples(
 
     def loss(points: Array, step: Array) -> Array:
         if not of_scenes:
-            # A rotation by a quarter changes no distances.
+            # A quarter turn preserves distances.
             angles = jnp.asarray(_TURNS[: dims // 2], points.dtype) * step.astype(points.dtype) % 1 / 4
             points = turn(points, angles)
         parts = [count * square(points[:, :, :, :count], step) for count in counts]
@@ -198,7 +198,7 @@ def _to_strata(points: Array) -> Array:
 
 
 def _of_class(shape: tuple[int, ...], key: Array) -> Array:
-    """Return points of the sampler that is designed for half spaces."""
+    """Return points of the sampler designed for half spaces."""
     height, width, frames, spp, dims = shape
     sampler = samplers.designed(width, height, spp, key, dims)
     y, x, _, sample = np.indices(shape[:4], np.uint32)
@@ -219,7 +219,7 @@ def _average_potential(of: IntegrandClass, nodes: Array) -> IntegrandClass:
 
 
 def turn(points: Array, turns: Array) -> Array:
-    """Return points (..., d) with pairs of coordinates turned, by turns of shape (d / 2,)."""
+    """Turn pairs of coordinates of points (..., d) by turns of shape (d / 2,)."""
     pairs = points.reshape(*points.shape[:-1], -1, 2)
     radius, place = to_outlines(pairs)
     turns = turns.reshape((1,) * (place.ndim - 1) + (-1,))

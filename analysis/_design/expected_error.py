@@ -1,4 +1,4 @@
-"""The error of a filtered image, expected over a class of integrands: a function of the points alone."""
+"""The expected error of a filtered image over a class of integrands, a function of only the points."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from qmcjax.core import backends, checks
 from qmcjax.scenes import Scene
 
 _LEAST = 1e-7
-"""Pixels whose weight relative to the pixel's own is below this are not paired."""
+"""Pixels with a weight below this, relative to the pixel itself, are not paired."""
 
 _NEGATIVE = 1e-6
 """Eigenvalues of a kernel below minus this, relative to the largest, are more than rounding."""
@@ -31,7 +31,7 @@ _SAMPLES = 256
 """Points at which a user's kernel is tested."""
 
 _QUADRATURE = 4096
-"""Points at which a user's kernel is averaged over the cube."""
+"""Points for averaging a user's kernel over the cube."""
 
 Kernel = Callable[[Array, Array], Array]
 
@@ -43,51 +43,51 @@ def expected_error(
     integrands: str | Mapping[str, float] | Kernel | Sequence[Integrand] = "half_spaces",
     filters: float | Filter | Sequence[Filter] = 1.5,
 ) -> float:
-    """Return the root mean square error of a filtered image, expected over random integrands.
+    """Return the expected root mean square error of a filtered image over random integrands.
 
-    Each pixel averages the same integrand over its points; the error of that image is filtered and its square
-    averaged over pixels and integrands, in closed form: no integrand is drawn.
+    Each pixel averages the same integrand over its points. The error of this image is filtered, and its
+    square averaged over pixels and integrands, in closed form: no integrand is drawn.
 
     Parameters
     ----------
     points : float ArrayLike, shape (height, width, spp, d) or (height, width, frames, spp, d)
         The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile, and time its frames.
     integrands : str, mapping or callable
-        A class of integrands on the unit cube: "half_spaces", the indicators of half spaces with a direction
-        uniform on the sphere, and an offset uniform over an interval around the cube's centre as long as the
-        cube's diagonal; "half_planes", those of one pair of coordinates, (0, 1), (2, 3), ..., and "steps",
-        those of one coordinate; "bumps", Gaussians of standard deviation 0.15 whose centres are a Poisson
-        process of one per unit volume, without its mean; "boxes", the indicators of boxes [0, t) with t
-        uniform. Or classes with the weights of their mean squares. Or a kernel k(x, y) = E f(x) f(y), from
-        arrays of points, shape (..., d), to (...): conditionally positive definite; 4096 points average it.
-        Or a list of known integrands: functions f(x) of points, shape (..., d), to (...), the same in all
-        pixels, and scenes, of which the tile is the image.
+        A class of integrands on the unit cube: "half_spaces", indicators of half spaces with a direction
+        uniform on the sphere and an offset uniform over an interval around the centre of the cube, as long as
+        its diagonal; "half_planes", the same for one pair of coordinates, (0, 1), (2, 3), ..., and "steps",
+        for one coordinate; "bumps", Gaussians of standard deviation 0.15 centred at a Poisson process of one
+        per unit volume, without its mean; "boxes", indicators of boxes [0, t) with t uniform. Or a mapping
+        from classes to weights of their mean squares. Or a conditionally positive definite kernel k(x, y) =
+        E f(x) f(y), from arrays of points, shape (..., d), to (...), averaged at 4096 points. Or a list of
+        known integrands: functions f(x) from points, shape (..., d), to (...), the same in all pixels, and
+        scenes with the tile as their image.
     filters : float, Filter or sequence of Filter
         Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or a
-        :class:`Filter` in space and time; or some, of which mean squares are averaged by their weights.
+        :class:`Filter` in space and time; or several, whose mean squares are averaged by their weights.
 
     Returns
     -------
     float
         If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array of their dtype, differentiable; twice
-        by ``jax.hessian``. Pairs that coincide have no part in the gradient. All are measured in float64.
+        by ``jax.hessian``. Coincident pairs do not contribute to the gradient. Always computed in float64.
 
     Notes
     -----
-    With the filter's autocorrelation w and the mean k_ij of the kernel over pairs of points of pixels i and
-    j, the mean square is the mean over i of the sum over j of w(i - j) k_ij, minus twice the mean
+    With the autocorrelation w of the filter and the mean k_ij of the kernel over pairs of points of pixels i
+    and j, the mean square is the mean over i of the sum over j of w(i - j) k_ij, minus twice the mean
     potential, plus the mean of k [1]_. Pixels with a weight above 1e-7 are paired: O(width height frames
-    spp^2 d) time for each of their offsets, about 100 sigma^2 of them in space. The sum over
-    ``points[:, :, :1]``, ``points[:, :, :2]``, ... is a loss for points good from the first sample on.
+    spp^2 d) time for each of their offsets, about 100 sigma^2 in space. For points that are good from the
+    first sample on, use the sum over ``points[:, :, :1]``, ``points[:, :, :2]``, ... as loss.
 
-    Known integrands are evaluated and filtered, by the fast Fourier transform: O(width height frames spp)
-    time each. The mean of a function is that at 2^20 points; pixels of a scene are its ``reference``, or else
-    estimated from 1024 samples. The gradient is that of the integrands, zero where these are constant.
+    Known integrands are evaluated and filtered by the fast Fourier transform, in O(width height frames spp)
+    time each. The mean of a function is taken at 2^20 points; the pixels of a scene are its ``reference``, or
+    else estimated from 1024 samples. The gradient is that of the integrands, zero where these are constant.
 
     References
     ----------
-    .. [1] I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016, whose energy weights pairs of pixels
-       and of samples; here the weights are those that make it the error.
+    .. [1] I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016. Its energy weights pairs of pixels
+       and of samples; with the weights used here, it is the error.
 
     Examples
     --------
@@ -111,9 +111,9 @@ def expected_error(
 def _in_float64(square: Callable[[Array], Array]) -> Callable[[Array], Array]:
     """Return the root of a square that is evaluated, and differentiated, in float64.
 
-    A kernel's mean over pairs and twice its potential differ in the last digits of float32 only. What is
-    transposed outside of ``enable_x64`` would be transposed in float32: so the derivative is a product with
-    the whole gradient.
+    The mean of a kernel over pairs and twice its potential differ only in the last digits of float32. A
+    transpose outside ``enable_x64`` would be computed in float32, so the derivative is a product with the
+    whole gradient.
     """
 
     def root(points: Array) -> Array:
@@ -206,7 +206,7 @@ def _of_kernel(kernel: Kernel, points: Any, dims: int) -> IntegrandClass:
 
 
 def offsets(weights: NDArray[np.float64], least: float) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Return the offsets of pairs of pixels, shape (m, 3), of opposite ones one, and their weights."""
+    """Return the offsets of pairs of pixels, shape (m, 3), one of each opposite two, and their weights."""
     sides = np.indices(weights.shape).reshape(3, -1)
     numbers = np.arange(weights.size)
     opposite = np.ravel_multi_index(tuple(-sides % np.array(weights.shape)[:, None]), weights.shape)
@@ -220,7 +220,7 @@ def offsets(weights: NDArray[np.float64], least: float) -> tuple[NDArray[np.int3
 def mean_square(
     points: Array, offsets: Array, weights: Array, classes: tuple[tuple[IntegrandClass, float], ...]
 ) -> Array:
-    """Return the mean square error; weights that were left out multiply independent points."""
+    """Return the mean square error; omitted weights multiply independent points."""
     weights = weights.astype(points.dtype)
 
     @jax.checkpoint
@@ -233,7 +233,7 @@ def mean_square(
         of_pairs, weights = jax.vmap(pairs)(at[0]) if size > 1 else pairs(at[0][0])[None], at[1]
         return before + jnp.sum(weights * of_pairs), None
 
-    # On a GPU many offsets take the time of one.
+    # On a GPU many offsets take as long as one.
     size = min(max(backends.current().pairs // (points.size * points.shape[-2]), 1), len(offsets))
     padding = (0, -len(offsets) % size)
     at = (

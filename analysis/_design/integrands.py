@@ -1,7 +1,7 @@
 """Integrands of filtered images: known functions and scenes, and classes of random ones.
 
-The kernel of a random integrand f is k(x, y) = E f(x) f(y), up to terms in x or in y alone. An estimate by
-the sum of m_i f(p_i), where the weights m_i add up to 1, has the mean square error
+The kernel of a random integrand f is k(x, y) = E f(x) f(y), up to terms in only x or only y. An estimate by
+the sum of m_i f(p_i), with weights m_i of sum 1, has the mean square error
 
     sum_ij m_i m_j k(p_i, p_j) - 2 sum_i m_i U(p_i) + M.
 
@@ -28,10 +28,10 @@ from qmcjax.core import checks, draws
 from qmcjax.scenes import as_scene
 
 _AVERAGED = 2**20
-"""Points at which a function is averaged over the cube."""
+"""Points for averaging a function over the cube."""
 
 _SPP = 1024
-"""Samples per pixel of the references of scenes that have none."""
+"""Samples per pixel for references of scenes without one."""
 
 _DRAWS = 4
 """Pairs of opposite moves of a point by which a blurred derivative is estimated."""
@@ -118,10 +118,10 @@ def mean_image_square(points: Array, images: Sequence[Rendered], weights: NDArra
 
 
 def blur(image: Rendered, key: Array, width: Array) -> Rendered:
-    """Return an image with the derivatives of its blur: a Gaussian of this width in each point's coordinates.
+    """Return an image with the derivatives of its blur by a Gaussian of this width in each coordinate.
 
-    The derivative of a function with jumps is zero almost everywhere; that of its blur is the mean of its
-    differences at opposite moves of the point, which needs no derivative at all.
+    The derivative of a function with jumps is zero almost everywhere. The derivative of its blur is the mean
+    of differences at opposite displacements of the point, which needs no derivative of the function.
     """
 
     def moves(points: Array) -> Array:
@@ -135,7 +135,7 @@ def blur(image: Rendered, key: Array, width: Array) -> Rendered:
         move = moves(points)
         there = _inside(points[None] + jnp.concatenate([move, -move]))
         sets = jnp.concatenate([points[None], there])
-        found = jax.lax.map(image.values, sets)  # One program of a scene, for all of them.
+        found = jax.lax.map(image.values, sets)  # One program of a scene for all sets.
         ahead, behind = found[1:].reshape(2, _DRAWS, *found.shape[1:])
         return found[0], (points, ahead - behind)
 
@@ -165,7 +165,7 @@ _TERMS = 11
 
 
 class IntegrandClass(NamedTuple):
-    """The kernel of random integrands in so many dimensions."""
+    """The kernel of random integrands in a number of dimensions."""
 
     pair: Callable[[Array, Array], Array]
     """From points x and y, shapes (..., d), to k."""

@@ -1,4 +1,4 @@
-"""Parameters that make a measure small, by stochastic gradient descent."""
+"""Minimisation of a measure over parameters by stochastic gradient descent."""
 
 from __future__ import annotations
 
@@ -98,12 +98,12 @@ _LONGEST = 1e6
 
 
 class Minimized(NamedTuple):
-    """Parameters, and how the loss fell."""
+    """Parameters, and the history of the loss."""
 
     parameters: Any
-    """In the structure and dtypes of those at the start."""
+    """In the structure and dtypes of the initial parameters."""
     losses: NDArray[np.float64]
-    """Means over 20 steps each."""
+    """Means over 20 steps."""
 
 
 def minimize(
@@ -118,29 +118,29 @@ def minimize(
     progress: Callable[[float], object] | None = None,
     checkpoint: str | os.PathLike | Checkpoint | None = None,
 ) -> Minimized:
-    """Minimise a measure of a sampler over any parameters of it, by stochastic gradient descent.
+    """Minimise a measure of a sampler over its parameters, by stochastic gradient descent.
 
     Parameters
     ----------
     loss : callable
-        From parameters and a fresh ``jax.random.key`` for each step, to a scalar that JAX differentiates: a
-        function of the measures of a sampler that is made from the parameters.
+        From parameters and a new ``jax.random.key`` for each step to a scalar that JAX differentiates: a
+        function of the measures of a sampler made from the parameters.
     parameters : pytree of floats of one dtype, the start
         Shifts of a lattice, points, weights of a mixture, parameters of a warp, ...
     key : jax.random.key, or int in [0, 2**32)
     steps : int
         In [20, 2**31), rounded up to a multiple of 20; each takes one gradient.
     rate : float
-        Length of the first steps in each parameter, at most 1e6. Steps shrink to a hundredth, as a cosine.
+        Length of the first steps in each parameter, at most 1e6. Steps shrink to 1/100 on a cosine schedule.
     noise : float
-        Standard deviation of the noise added to each parameter, relative to the steps; it ends at half of
-        them.
+        Standard deviation of the noise added to each parameter, relative to the step length; it decreases to
+        0 at half of the steps.
     project : callable, optional
         From parameters to allowed ones, after each step: ``lambda shifts: shifts % 1``, for example.
     progress : callable, optional
         Called with the finished part, in (0, 1], after every 20 steps; see :func:`qmcjax.progress_bar`.
     checkpoint : path or Checkpoint, optional
-        A file from which an interrupted run goes on, to the same bits. Functions need a label.
+        A file from which an interrupted run resumes, with bit-identical results. Functions need a label.
 
     Returns
     -------
@@ -149,7 +149,7 @@ def minimize(
     Raises
     ------
     ValueError
-        Also if the loss stops being finite: a checkpoint keeps the state before.
+        Also if the loss becomes non-finite: a checkpoint keeps the state before.
 
     See Also
     --------
@@ -158,7 +158,7 @@ def minimize(
 
     Notes
     -----
-    Adam [1]_.
+    The method is Adam [1]_.
 
     References
     ----------
@@ -208,7 +208,7 @@ def minimize(
 
 
 def _result_shape(name: str, wanted: str, function: Any, *arguments: Any) -> Any:
-    """Return the shapes and dtypes of what a function returns."""
+    """Return the shapes and dtypes of a function's result."""
     if not callable(function) or isinstance(function, type):
         raise TypeError(f"{name} must be {wanted}, got {checks.shown(function)}")
     try:

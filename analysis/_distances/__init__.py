@@ -1,1 +1,1 @@
-"""Distances between points on the torus and off it: minimum, nearest, energies, dispersion."""
+"""Distances between points on the torus or in the cube: minimum, nearest, energies, dispersion."""

@@ -1,12 +1,12 @@
 """The closest pair of many points in two or three dimensions, by sorting.
 
-Space is cut into bars along the first axis, of square cross-section. A pair closer than half a side of the
-bars lies within one bar, possibly after the bars are shifted by half a side along some of the other axes.
-Hence: sort by bar and first coordinate, compare each point with its followers while they are closer in the
-first coordinate than the closest pair so far, and do so for all 2^(d - 1) tilings.
+Space is cut into bars along the first axis, with square cross-section. A pair closer than half a side of the
+bars lies within one bar, possibly after shifting the bars by half a side along some of the other axes. Hence:
+sort by bar and first coordinate, compare each point with its followers while they are closer in the first
+coordinate than the closest pair so far, and do so for all 2^(d - 1) tilings.
 
-Bars as thin as the closest pair allows have few points in such a window, however the points are clustered
-or aligned. A first bound on the closest pair comes from comparing each point with the next.
+If bars are as thin as the closest pair allows, such a window has few points, even if these are clustered or
+aligned. Comparing each point with the next gives a first bound on the closest pair.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _SLACK = 1 + 2.0**-20
 """Bars are wider than needed by this factor: more than all rounding errors."""
 
 _BLOCK = 2**14
-"""Points that are compared with their followers at a time: fits the cache."""
+"""Points compared with their followers at a time, to fit the cache."""
 
 _THINNEST = 2.0**-50
 """Relative to the extent of the set: the numbers of bars have fewer than 64 bits."""
 
 _CROWDED = 256
-"""Mean number of points in the windows from which on a tree is faster."""
+"""Mean number of points per window above which a tree is faster."""
 
 Floats = NDArray[np.float64]
 
@@ -96,8 +96,8 @@ class _Bars(NamedTuple):
 def _sort(columns: Floats, low: Floats, extent: Floats, side: float, shift: tuple[float, ...]) -> _Bars:
     """Sort points into bars, in place.
 
-    The numbers of bars are hashed: where there are too many for the bits, distant ones share a number,
-    which adds comparisons and misses none.
+    The numbers of bars are hashed: if there are too many for the bits, distant bars share a number, which
+    adds comparisons and misses none.
     """
     n = columns.shape[1]
     index_bits = (n - 1).bit_length()

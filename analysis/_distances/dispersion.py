@@ -1,17 +1,17 @@
 """The dispersion of a point set: the radius of the largest ball without a point.
 
-A largest empty ball has points on all sides of its centre: the centre is a vertex of the points' Voronoi
-diagram, that is, the centre of the circumsphere of a Delaunay simplex. On the torus the points are repeated
-by translation. In the cube they are reflected in its faces: within the cube reflected points are never nearer
-than the originals, and the diagram of all of them has vertices in the corners of the cube and where its
-boundary crosses the Voronoi diagram.
+A largest empty ball has points on all sides of its centre: the centre is a vertex of the Voronoi diagram of
+the points, that is, the centre of the circumsphere of a Delaunay simplex. On the torus the points are
+repeated by translation. In the cube they are reflected in its faces: within the cube, reflected points are
+never closer than the originals, and the diagram of all points has vertices in the corners of the cube and
+where its boundary crosses the Voronoi diagram.
 
-The cube is cut into blocks, processed one after the other on each core. For the centres in a block, points
-and copies within an upper bound of the dispersion suffice: no point on a largest empty ball's sphere and no
+The cube is cut into blocks, processed one after another on each core. For the centres in a block, points and
+copies within an upper bound of the dispersion suffice: no point on the sphere of a largest empty ball and no
 nearest point is farther away.
 
 Almost flat simplices of cospherical points have inaccurate centres. So distances are measured from the
-centres to the nearest point. None can exceed the dispersion, wherever the centre lies.
+centres to the nearest point. None can exceed the dispersion, wherever the centre is.
 """
 
 import itertools
@@ -31,7 +31,7 @@ _ROUNDING = 2.0**-36
 """Relative effect of rounding errors on a radius."""
 
 _ALIKE = 4096
-"""Number of centres that are measured first; it doubles each time."""
+"""Number of centres measured first; it doubles each time."""
 
 _TOGETHER = 2**13
 """Minimum number of points per block; a block's side is also at least four times the upper bound."""
@@ -51,26 +51,26 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
     ----------
     points : float ArrayLike, shape (n, d)
         At least one point in [0, 1)^d, d at most 3. Computed in float64, in which float32 points are exact.
-    torus : bool, whether the unit cube is repeated periodically; otherwise only points of the cube count
+    torus : bool, whether the unit cube is repeated periodically; otherwise it stands alone
 
     Returns
     -------
     float
         Euclidean; exact up to rounding errors, which never make it larger by more than 2^-50.
-        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: of several largest
-        empty balls one has a derivative, by the points on its sphere.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: the derivative is
+        that of one largest empty ball, with respect to the points on its sphere.
 
     Raises
     ------
     ValueError
-        In more than three dimensions. Use ``scipy.spatial.KDTree`` there: the largest distance of many random
-        places to the nearest point is a lower bound.
+        In more than three dimensions. There the largest distance of many random positions to the nearest
+        point, by ``scipy.spatial.KDTree``, is a lower bound.
 
     Notes
     -----
-    The time is that of a Delaunay triangulation, O(n log n) for points that are spread over the cube; these
-    are triangulated in blocks, on all cores and in less than the memory of the points plus 100 MB per core.
-    If the largest empty ball takes much of the cube, there is one block, with about 7 simplices per point in
+    The time is that of a Delaunay triangulation, O(n log n) for points spread over the cube. These are
+    triangulated in blocks, on all cores, with less memory than the points plus 100 MB per core. If the
+    largest empty ball fills much of the cube, there is a single block, with about 7 simplices per point in
     three dimensions.
 
     References
@@ -188,7 +188,7 @@ def _line_ball(ordered: Floats, torus: bool) -> tuple[float, Floats]:
 
 
 def _boxes(points: Floats, side: int) -> NDArray[np.int32]:
-    """Return the number of each point's box, of so many along each axis."""
+    """Return the number of each point's box, for ``side`` boxes along each axis."""
     box = np.empty(len(points), np.int32)
     for start in range(0, len(points), _COUNTED):
         index = (points[start : start + _COUNTED].T * side).astype(np.int64)

@@ -1,7 +1,7 @@
 """The minimum distance of a point set, optionally tiled.
 
-Many points in up to three dimensions are padded with copies of those near the sides of the tile, so that
-no pair wraps around, and sorted. All others are measured by a k-d tree on a set that unfolds the tiling: on
+Many points in up to three dimensions are padded with copies of those near the sides of the tile, to avoid
+pairs that wrap around, and sorted. All others are measured by a k-d tree on a set that unfolds the tiling: on
 the torus the points themselves with the tile's side as period; for shifted rows of tiles, the points and
 their copies in the row above.
 """
@@ -24,7 +24,7 @@ _MARGIN = 1 + 2.0**-40
 
 
 _MANY = 64
-"""Number of points from which on they are sorted: so many are within a third of a side of each other."""
+"""Number of points above which they are sorted: two of so many are within a third of a side."""
 
 _INTEGERS = 2.0**53
 """Smaller sums of squares of integers are exact in float64."""
@@ -39,24 +39,24 @@ def min_distance(points: ArrayLike, torus: bool = True, shear: float = 0.0) -> f
         At least two points in [0, 1)^d. Computed in float64, in which float32 points are exact.
     torus : bool, whether the unit cube is repeated periodically; otherwise it stands alone
     shear : float
-        Two-dimensional tilings only: each row of tiles is shifted by ``shear`` in x against the row
-        below, so the copies of a point lie at integer multiples of (1, 0) and (shear, 1) from it. Its
-        integer part has no effect and is removed exactly. With 0.25 this is the tiling of the permutation
-        nets for even m, Fig. 5.18 of [1]_.
+        Only for two-dimensional tilings: each row of tiles is shifted by ``shear`` in x relative to the row
+        below, so the copies of a point are at integer multiples of (1, 0) and (shear, 1) from it. Its integer
+        part has no effect and is removed exactly. 0.25 gives the tiling of the permutation nets for even m,
+        Fig. 5.18 of [1]_.
 
     Returns
     -------
     float
-        The minimum is over pairs i < j: distances of a point to its own copies do not count. Squares are
-        computed: distances below 1e-154 may become 0. The error is a few units in the last place for 64
+        The minimum is over pairs i < j: distances of a point to its own copies do not count. Distances below
+        1e-154 may become 0, since they are squared. The error is a few units in the last place for 64
         points or more in at most three dimensions without a shear; otherwise at most d 2^-51, absolute.
-        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: of equally close
-        pairs one has a derivative; that of two equal points is set to 0.
+        If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: the derivative is
+        that of one of the closest pairs; for two equal points it is set to 0.
 
     Notes
     -----
-    In up to three dimensions O(n log n) time and O(n) memory, for clustered points as well: 24 bytes per
-    point and 8 per coordinate, beside the points. Beyond, the time of a k-d tree.
+    In up to three dimensions O(n log n) time and O(n) memory, even for clustered points: 24 bytes per point
+    and 8 per coordinate, besides the points. In more dimensions, the time of a k-d tree.
 
     References
     ----------
@@ -133,7 +133,7 @@ def squared_min_distance(points: ArrayLike, side: int, torus: bool = True, shear
     side : int, in [1, 2**32]: with 2**32 the points may be 32-bit fractions
     torus : bool, whether the cube of this side is repeated periodically
     shear : int
-        Two-dimensional tilings only: the shift of each row of tiles against the row below, in
+        Only for two-dimensional tilings: the shift of each row of tiles relative to the row below, in
         [-side, side]. ``2**(m - 2)`` for the permutation nets with even m, Fig. 5.18 of [1]_.
 
     Returns
@@ -190,7 +190,8 @@ def validate_tiling(points: Any, torus: Any, shear: Any) -> tuple[Any, bool, flo
 def packing_distance(n: int, dims: int) -> float:
     """Return the largest minimum distance of n points per unit volume, in one, two or three dimensions.
 
-    Equal spacing, the hexagonal packing of discs (Thue) and the face-centred cubic one of balls (Hales).
+    These are equal spacing, the hexagonal packing of discs (Thue) and the face-centred cubic packing of balls
+    (Hales).
     """
     return (1 / n, math.sqrt(2 / (math.sqrt(3) * n)), math.cbrt(math.sqrt(2) / n))[dims - 1]
 
@@ -198,7 +199,7 @@ def packing_distance(n: int, dims: int) -> float:
 def _sorted_closest_pair(
     points: NDArray[np.float64], side: int, torus: bool, shear: float
 ) -> tuple[float, NDArray[np.float64]] | None:
-    """Return the square of the minimum distance and two points or copies; None where sorting does not apply.
+    """Return the square of the minimum distance and two points or copies; None if sorting does not apply.
 
     A copy is translated by minus one period. A pair that wraps around is found as the copy of the point
     near the far side, and the other point or a copy of it: one-sided copies suffice, and their coordinates
@@ -256,7 +257,7 @@ def unfold(points: NDArray, side: int, torus: bool, shear: float) -> tuple[NDArr
 
 def tree(points: NDArray, periods: NDArray) -> KDTree:
     """Return a k-d tree of distinct points on a torus."""
-    # Splitting at midpoints builds faster than at medians; the points are distinct, so it ends.
+    # Splitting at midpoints builds faster than at medians; it terminates, since the points are distinct.
     return KDTree(points, boxsize=periods, balanced_tree=False, compact_nodes=False)
 
 

@@ -1,8 +1,8 @@
 """Smooth measures of the distances between points, with gradients as cheap as the values.
 
-Each measure combines sums over the rows of the matrix of pairs. As the matrix is symmetric, moving a point
-changes the other rows as much as its own: the gradient is twice that of the point's own row. So one pass
-over the rows, in batches, gives both value and gradient; reverse differentiation would store the matrix.
+Each measure combines sums over the rows of the matrix of pairs. Since the matrix is symmetric, moving a point
+changes the other rows as much as its own: the gradient is twice that of the point's row. So one pass over the
+rows, in batches, gives both value and gradient; reverse-mode differentiation would store the matrix.
 """
 
 from collections.abc import Callable
@@ -32,21 +32,21 @@ def riesz_energy(points: ArrayLike, exponent: float = 1.0, torus: bool = True) -
     Parameters
     ----------
     points : float32 or float64 ArrayLike, shape (n, d)
-        At least two points in [0, 1)^d. The sum has the precision of the points, whatever the global flag.
+        At least two points in [0, 1)^d. The sum has the precision of the points, for any ``jax_enable_x64``.
     exponent : float
-        s, at least 0; 0 stands for the logarithmic energy, the sum of -log d_ij.
+        s, at least 0; 0 gives the logarithmic energy, the sum of -log d_ij.
     torus : bool, whether the distance is that to the nearest periodic copy; otherwise it is Euclidean
 
     Returns
     -------
     Array of the points' dtype, shape ()
-        Differentiable in the points. Infinite for two equal points, and if the sum overflows: there the
-        gradient is set to 0.
+        Differentiable in the points. Infinite for two equal points, and if the sum overflows; the gradient is
+        then set to 0.
 
     Notes
     -----
-    O(n^2 d) time and O(n d) memory, with or without the gradient. On the torus the distance has a kink
-    where a point is half a period away; the gradient there is that of one side.
+    O(n^2 d) time and O(n d) memory, with or without the gradient. On the torus the distance has a kink at
+    half a period; the gradient there is one-sided.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def soft_min_distance(points: ArrayLike, exponent: float = 32.0, torus: bool = T
     points, torus
         As in :func:`riesz_energy`.
     exponent : float
-        s, positive. The larger, the closer to the minimum distance: that is at most (n (n - 1) / 2)^(1/s)
+        s, positive. The larger, the closer to the minimum distance, which is at most (n (n - 1) / 2)^(1/s)
         times as large, and about k^(1/s) times if k pairs are much closer than all others.
 
     Returns

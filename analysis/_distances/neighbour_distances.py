@@ -34,7 +34,7 @@ class NearestStatistics:
     mean: float
     """The mean distance of a point to its nearest neighbour."""
     deviation: float
-    """The root of the mean square difference from the mean."""
+    """The standard deviation of this distance."""
     maximum: float
     """The largest distance of a point to its nearest neighbour."""
     relative_minimum: float | None
@@ -56,10 +56,10 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
     Returns
     -------
     float64 array, shape (n,)
-        In the order of the points. A point's own copies do not count, but another point in the same place
-        does. The absolute error is at most d 2^-51: where a pair wraps around, coordinates are rounded once
-        more. If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: of equally
-        near neighbours one has a derivative; that of a distance of 0 is set to 0.
+        In the order of the points. A point's own copies do not count, but another point at the same position
+        does. The absolute error is at most d 2^-51: if a pair wraps around, coordinates are rounded once
+        more. If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: the derivative
+        is that of one nearest neighbour; for a distance of 0 it is set to 0.
 
     Examples
     --------
@@ -81,7 +81,7 @@ def nearest_distances(points: ArrayLike, torus: bool = True, shear: float = 0.0)
 def _nearest(
     points: NDArray[np.float64], torus: bool, shear: float
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the distance of each point to the nearest other one, and which that is; itself if alone."""
+    """Return the distance of each point to the nearest other one, and its number; itself if alone."""
     distinct, first, place, count = np.unique(
         points, axis=0, return_index=True, return_inverse=True, return_counts=True
     )

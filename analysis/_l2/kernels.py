@@ -1,7 +1,7 @@
 """The kernels of the L2 discrepancies, in numbers of twice the digits of float64.
 
-The squared discrepancy of good points is smaller than the three sums it consists of by a factor of
-about n^2: anything rounded off at 53 bits is missing from it.
+The squared discrepancy of good points is smaller than its three sums by a factor of about n^2, so rounding
+them to 53 bits is too inaccurate.
 """
 
 from collections.abc import Sequence
@@ -83,8 +83,8 @@ class Kernel:
     A generalized discrepancy and quadrature error bound, 1998]. With |x - y| for max and min, all
     discrepancies in use have a kernel of this form.
 
-    The numbers are leaves, so one program serves all kernels. They are multiples of 1/8: sums of them and
-    of their halves and quarters are exact.
+    The numbers are leaves, so one program serves all kernels. They are multiples of 1/8: sums of them, and of
+    their halves and quarters, are exact.
     """
 
     constant: float
@@ -122,7 +122,7 @@ class Kernel:
         return self.own_derivative(x) + (self.distance + self.square) * (2 * x - 1)
 
     def factors(self, x: Array, rank: int) -> tuple[list[Wide], list[Wide]]:
-        """Return functions such that K(x, y) = sum_r lower_r(min(x, y)) upper_r(max(x, y))."""
+        """Return functions with K(x, y) = sum_r lower_r(min(x, y)) upper_r(max(x, y))."""
         zero, one = jnp.zeros_like(x), jnp.ones_like(x)
         upper = add((self.constant * one, zero), self._quadratic(x, self.distance, self.square))
         lower = self._quadratic(x, -self.distance, self.square)

@@ -30,7 +30,7 @@ from analysis._l2.pairs import pair_sum
 from qmcjax.core import backends
 
 _POINTS = 2**24
-"""Maximum number of points: beyond, sums over all pairs would not be exact."""
+"""Maximum number of points: for more, sums over all pairs would not be exact."""
 
 _MANY = 2**16
 """Numbers of points in the plane or in space from which on they are merged, on processors."""
@@ -42,33 +42,33 @@ _DIMS = 256
 def l2_star_discrepancy(points: ArrayLike) -> Array:
     """Return the root of the mean square of the local discrepancy over boxes anchored at the origin.
 
-    It is Warnock's T [1]_: the box [0, q) has its volume minus its share of the points, and q is
-    uniform in [0, 1]^d.
+    It is Warnock's T [1]_. The local discrepancy of a box [0, q) is its volume minus its share of the points;
+    q is uniform in [0, 1]^d.
 
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
         At least one point in [0, 1)^d; a vector is a set in one dimension. At most 2^24 points and 256
-        dimensions. Computed in float64, whatever the global flag.
+        dimensions. Computed in float64, for any ``jax_enable_x64``.
 
     Returns
     -------
     float64 Array, shape ()
         The root, as for all discrepancies here. ``scipy.stats.qmc.discrepancy`` returns the root only for
-        ``"L2-star"``; ``"CD"``, ``"WD"`` and ``"MD"`` are squares.
+        ``"L2-star"``, and squares for ``"CD"``, ``"WD"`` and ``"MD"``.
         If JAX traces the points (``jit``, ``grad``, ``vmap``) with 64-bit types disabled, the result
         is rounded to float32, the widest type there.
 
     Notes
     -----
     Memory is O(n d). Time is O(n^2 d), but O(n^(2 - 1/d)) for many points in two and three dimensions and O(n
-    log n) in one. Values of 2^16 points and more take O(n log n) in two and O(n log^2 n) in three dimensions,
-    on all cores and in three times the memory of float64 points, if Numba is installed, JAX computes on
-    processors and does not trace the points. Derivatives are computed together with the value. They do not
-    exist where two points are equal in a coordinate; the result there lies between the one-sided ones.
+    log n) in one. For 2^16 points and more, values take O(n log n) in two and O(n log^2 n) in three
+    dimensions, on all cores, with three times the memory of float64 points, if Numba is installed and JAX
+    runs on a CPU and does not trace the points. Derivatives are computed together with the value. They do not
+    exist where two points have an equal coordinate; the result there lies between the one-sided ones.
 
-    The sums of the closed form cancel, for good points all but a part of about n^-2. They are computed
-    in more than float64's precision: the result has a relative error of about 1e-11 or less.
+    The sums of the closed form cancel, for good points down to a part of about n^-2. They are computed with
+    more than float64 precision: the result has a relative error of about 1e-11 or less.
 
     References
     ----------
@@ -137,7 +137,7 @@ def wraparound_discrepancy(points: ArrayLike) -> Array:
 def periodic_discrepancy(points: ArrayLike) -> Array:
     """Return the periodic L2 discrepancy, the root of the mean square over all boxes of the torus.
 
-    Unlike the wrap-around discrepancy it measures the whole space only, not its projections.
+    Unlike the wrap-around discrepancy it does not include projections.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def periodic_discrepancy(points: ArrayLike) -> Array:
     Returns
     -------
     float64 Array, shape ()
-        Divided by n, as the other discrepancies; [1]_ leaves this out.
+        Divided by n, like the other discrepancies; [1]_ omits this.
 
     References
     ----------
@@ -227,7 +227,7 @@ def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:
 
 
 def _strips(n: int, dims: int) -> int:
-    """Return the number of strips per axis: as many cells as points; 1 where that saves nothing."""
+    """Return the number of strips per axis: as many cells as points, or 1 if that saves nothing."""
     if dims > 3 or n < 1024:
         return 1
     return n // 16 if dims == 1 else round(n ** (1 / dims))

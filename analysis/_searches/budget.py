@@ -1,11 +1,11 @@
-"""What a search may take: steps, seconds, or both."""
+"""The budget of a search: steps, seconds, or both."""
 
 import math
 import time
 
 
 class Budget:
-    """Steps and seconds, of which either ends a search; None is no limit."""
+    """Limits on steps and seconds, either of which ends a search; None is no limit."""
 
     def __init__(self, steps: int | None, seconds: float | None) -> None:
         self.steps, self._began = 0, time.monotonic()
@@ -17,7 +17,7 @@ class Budget:
         return time.monotonic() - self._began
 
     def spent(self) -> float:
-        """Return the part of the budget that is spent, 1 or more at the end."""
+        """Return the fraction of the budget spent, 1 or more at the end."""
         return max(self.steps / self._most, self.seconds() / self._limit)
 
     def step(self) -> bool:

@@ -28,7 +28,7 @@ from analysis._star.star_discrepancy import star_discrepancy
 from qmcjax.core import checks
 
 _LARGEST = {2: 4096, 3: 512}
-"""Maximum number of points in two and three dimensions: beyond, one step would take minutes."""
+"""Maximum number of points in two and three dimensions: for more, one step would take minutes."""
 
 
 class DiscrepancySearch(NamedTuple):
@@ -59,14 +59,14 @@ def search_discrepancy(
     ----------
     n : int, in [2, 4096] in two dimensions, in [2, 512] in three
     seconds : float, optional
-        When to stop, positive. None stops by ``steps`` alone.
+        When to stop, positive. None stops only by ``steps``.
     key : jax.random.key, or int in [0, 2**32)
     dims : int, 2 or 3
     steps : int, optional
-        Maximum number of steps, positive. With ``seconds=None``, the result is a function of the
-        other arguments.
+        Maximum number of steps, positive. With ``seconds=None``, the result only depends on the other
+        arguments.
     start : float ArrayLike, shape (n, dims), optional
-        Points in [0, 1)^dims to continue from, for example from an earlier search: the result is no worse.
+        Initial points in [0, 1)^dims, for example from an earlier search: the result is not worse.
 
     Returns
     -------
@@ -74,19 +74,19 @@ def search_discrepancy(
 
     Notes
     -----
-    In two dimensions, whether coordinates exist that reach a star discrepancy for given ranks is a system of
-    difference constraints of logarithms (see [1]_): the best coordinates for the ranks are found by bisection
-    and the Bellman-Ford algorithm. Ranks come from lattices of a real number field, drawn at random and
-    improved by small changes. Then neighbouring ranks are swapped at random while a level of discrepancy can
-    be kept, which is lowered from time to time ("great deluge", [2]_), raised when it gets stuck, and lowered
-    again. After some time, other lattices follow. A step is one lattice, or 2 n swaps.
+    In two dimensions, coordinates with given ranks reach a star discrepancy if they satisfy difference
+    constraints on their logarithms (see [1]_): bisection and the Bellman-Ford algorithm find the best
+    coordinates for the ranks. Ranks come from lattices of a real number field, drawn at random and improved
+    by small changes. Then neighbouring ranks are swapped at random as long as a level of discrepancy can be
+    kept. The level is lowered from time to time ("great deluge", [2]_), raised when the search is stuck, and
+    lowered again. After some time, other lattices follow. A step is one lattice, or 2 n swaps.
 
     In three dimensions, all boxes close to the largest local discrepancy are lowered together, by gradients
     of a smooth maximum, from many starts and later from perturbations of the best points. A step is one
     descent.
 
-    Loops are compiled if Numba is installed (``pip install qmcjax[fast]``), which takes some seconds at the
-    first call. Without Numba the search is the same, and about a hundred times slower.
+    Numba compiles the loops if it is installed (``pip install qmcjax[fast]``), which takes a few seconds at
+    the first call. Without Numba the search is the same, but about a hundred times slower.
 
     References
     ----------

@@ -117,8 +117,8 @@ def search_matrices(
     Parameters
     ----------
     targets : mapping of int to int
-        The squared toroidal distance on the integer grid to reach, for each relevant m in [1, 16]:
-        one for a single net, several for a sequence that is good at all these sizes.
+        The squared toroidal distance on the integer grid to reach, for each m in [1, 16] that matters: one
+        for a single net, several for a sequence that is good at all these sizes.
     dims : int
         3 to measure the (0,m,3)-nets of the points (i / 2**m, C_1 i, C_2 i), 2 for the (0,m,2)-nets of
         the first 2**m points of the sequence, truncated to m digits.
@@ -126,17 +126,17 @@ def search_matrices(
     steps : int
         Maximum number of matrices to try. Positive.
     budget_s : float
-        Seconds after which to stop. The result is a function of the other arguments, unless time runs out.
+        Seconds after which to stop. Unless time runs out, the result only depends on the other arguments.
 
     Returns
     -------
     MatrixSearch
-        The first matrices that reach all targets, or those that come closest: with the smallest sum over all
+        The first matrices that reach all targets, or the closest ones: those with the smallest sum over all
         pairs of the excess of the targets over the squared distances, relative to the targets.
 
     Notes
     -----
-    An upper triangular factor U only renumbers the first 2**m points. So it matters in three dimensions only,
+    An upper triangular factor U only renumbers the first 2**m points. So it matters only in three dimensions,
     where the search covers every (0,m,3)-net that is digital over F_2, up to the numbering of its points.
 
     References

@@ -34,8 +34,8 @@ class NetSearch:
     squared_distance: int | None
     """The square of its toroidal minimum distance on this grid."""
     exhausted: bool
-    """Whether the search was complete. This proves that no net of this m has a larger distance, or,
-    if none was found, that none reaches the requested distance."""
+    """Whether the search was complete. This proves that no net of this m has a larger distance or, if none
+    was found, that none reaches the requested distance."""
 
 
 def search_net(
@@ -47,13 +47,13 @@ def search_net(
     ----------
     m : int
         In [1, 8] in two dimensions, in [1, 5] in three. The search ends within seconds for m <= 5 in two
-        and m <= 4 in three dimensions; beyond, request a distance and set a budget.
+        and m <= 4 in three dimensions; for larger m, request a distance and set a budget.
     dims : int, 2 or 3: in more dimensions there are no such nets with m > 1
     minimum_squared_distance : int
-        Only nets of at least this distance, squared and in units of the grid, count. Larger values end
-        branches sooner.
+        Only nets of at least this distance, squared and in units of the grid, count. Larger values prune
+        branches earlier.
     budget_s : float, optional
-        Seconds after which the search stops and returns the best net so far. By default it runs to the end.
+        Seconds after which the search stops and returns the best net so far. Unlimited by default.
 
     Returns
     -------
@@ -62,8 +62,8 @@ def search_net(
     Notes
     -----
     The search first requests the smallest distance that counts, and then bisects: far from the largest
-    distance, a branch ends soon or a net is found soon. The maps that permute the axes and xor each
-    coordinate with 0, 2**(m - 1) - 1, 2**(m - 1) or 2**m - 1 (half a turn of the torus, reflections) map nets
+    distance, branches end early or a net is found early. The maps that permute the axes and xor each
+    coordinate with 0, 2**(m - 1) - 1, 2**(m - 1) or 2**m - 1 (shifts by half the torus, reflections) map nets
     to nets and preserve distances. So a cell without a point in any suitable net rules out all its images.
 
     References

@@ -35,15 +35,15 @@ def optimize_points(
     points : float ArrayLike, shape (n, d)
         The starting points, in [0, 1)^d: the method finds a local minimum near them.
     measure : callable
-        From float64 points, shape (n, d), to a scalar that JAX differentiates, finite at the start as is its
-        gradient, for example :func:`l2_star_discrepancy`, ``lambda p: -soft_min_distance(p)``, or a distance
-        of ``point_spectrum(p, resolution)`` from a given spectrum.
+        From float64 points, shape (n, d), to a scalar that JAX differentiates. It and its gradient must be
+        finite at the start. Examples: :func:`l2_star_discrepancy`, ``lambda p: -soft_min_distance(p)``, or
+        the distance of ``point_spectrum(p, resolution)`` from a given spectrum.
     steps : int
         Maximum number of steps, at least 1; each takes one or a few values and gradients. The method stops
         earlier if the measure decreases by less than rounding.
     torus : bool
-        Whether points that leave the cube come back on the other side, for periodic measures; otherwise they
-        stop at its faces, below 1.
+        Whether points that leave the cube re-enter on the opposite side, for periodic measures; otherwise
+        they stop at its faces, below 1.
 
     Returns
     -------
@@ -51,9 +51,9 @@ def optimize_points(
 
     Notes
     -----
-    L-BFGS-B [1]_ of ``scipy.optimize``, with the gradients of JAX. The points of a lattice or another
+    The method is L-BFGS-B [1]_ of ``scipy.optimize`` with JAX gradients. The points of a lattice or another
     symmetric set may be a saddle point with gradient 0: perturb them first. Steps with a non-finite value,
-    for example where two points meet, are rejected.
+    for example where two points coincide, are rejected.
 
     References
     ----------
@@ -172,29 +172,29 @@ def optimize_scrambling(
     ----------
     points : int ArrayLike, shape (n, d), coordinates times n, in [0, n), of n = 2^m points, m from 1 to 16
     measure : callable
-        From float64 points, shape (n, d), in the centres of their cells, to a scalar that JAX differentiates,
-        finite for the given points as is its gradient, for example :func:`l2_star_discrepancy`. It may depend
-        on the order of the points, as errors of pixels do.
+        From float64 points, shape (n, d), at the centres of their cells, to a scalar that JAX differentiates,
+        for example :func:`l2_star_discrepancy`. It and its gradient must be finite for the given points. It
+        may depend on the order of the points, as errors of pixels do.
     steps : int
         Number of values with gradients in the descent, at least 1. At most three times as many values follow.
-    key : jax.random.key, or int in [0, 2**32), of the scrambling at the start of the descent
+    key : jax.random.key, or int in [0, 2**32), for the initial scrambling
 
     Returns
     -------
     OptimizedScrambling
-        ``points`` as exact integers, and ``values``. The given points, if nothing better was found.
+        ``points`` as exact integers, and ``values``. These are the given points if none are better.
 
     Notes
     -----
-    Owen scrambling [1]_ flips a digit or not, for each node of each coordinate's tree of digits. Flipped with
-    probability s, the sigmoid of a parameter, a digit b has the mean b + s - 2 b s: points are then smooth
-    functions of all d (n - 1) parameters. Such means are not a net, and their minima are not those of nets.
-    Hence the measure is evaluated with all s rounded, and only its derivative passes through the means [2]_
-    (straight-through estimator); the descent is Adam [3]_. Then, from the best net, the flips with the
+    Owen scrambling [1]_ flips a digit or not, for each node of each coordinate's tree of digits. If a digit b
+    is flipped with probability s, the sigmoid of a parameter, its mean is b + s - 2 b s: points are then
+    smooth functions of all d (n - 1) parameters. Such means are not a net, and their minima are not those of
+    nets. Hence the measure is evaluated with all s rounded, and only its derivative uses the means [2]_
+    (straight-through estimator); the descent is Adam [3]_. Then, starting at the best net, the flips with the
     largest predicted gain are tried together, as many as have been successful before, until no single one
-    helps: where ``values`` decreases after the first ``1 + steps``, a gradient was evaluated, too.
+    helps. Where ``values`` decreases after the first ``1 + steps``, a gradient was evaluated, too.
 
-    All points tried are scramblings of the given ones: each (t,m,s)-net stays one, with the same t.
+    All points tried are scramblings of the given ones: each (t,m,s)-net keeps its t.
 
     References
     ----------

@@ -39,8 +39,8 @@ def moving_average(alpha: float) -> NDArray[np.float64]:
     Returns
     -------
     float64 array, shape (frames,)
-        For ``time`` of :func:`filtered_error` and of :class:`Filter`. Frames whose weights sum to less than
-        2^-53 are left out: there are about 37 / alpha.
+        For ``time`` of :func:`filtered_error` and of :class:`Filter`. About 37 / alpha frames; the weights of
+        the omitted ones sum to less than 2^-53.
 
     Examples
     --------
@@ -106,7 +106,7 @@ class Filter(NamedTuple):
     time: float | ArrayLike = 0.0
     """Standard deviation of a Gaussian in frames, 0 for none; or taps, shape (frames,), as ``np.ones(n)``."""
     weight: float = 1.0
-    """Of the mean square error, at least 0: weights are divided by their sum."""
+    """Weight of the mean square error, at least 0: weights are divided by their sum."""
 
 
 def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]:
@@ -133,39 +133,40 @@ def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]
 def filtered_error(
     image: ArrayLike, reference: ArrayLike, sigma: float = 1.5, time: float | ArrayLike | None = None
 ) -> float:
-    """Return the root mean square of an image's error, or of many frames', after a low-pass filter.
+    """Return the root mean square error of an image, or of many frames, after a low-pass filter.
 
     Parameters
     ----------
     image : float ArrayLike, shape (height, width) or (height, width, channels)
-        With ``time``, frames of these, shape (frames, height, width[, channels]). Taken as periodic in space,
-        and in time: the frames are repeated without end, so that a filter with memory is in its steady state.
+        With ``time``, frames of these, shape (frames, height, width[, channels]). Treated as periodic in
+        space, and in time: the frames repeat forever, which puts a filter with memory into its steady state.
     reference : float ArrayLike, of the same shape
-        With ``time``, also of the shape of one frame, for all of them.
+        With ``time``, also of the shape of one frame, for all frames.
     sigma : float
         Standard deviation of a Gaussian filter in pixels, 0 for none.
     time : float or float ArrayLike, shape (n,), optional
         The filter in time, as in :class:`Filter`: the standard deviation of a Gaussian in frames, 0 for none,
-        or the weights of the frame itself, of the one before, and so on, which are divided by their sum:
-        ``np.ones(n)`` averages n frames, :func:`moving_average` is an average that forgets.
+        or the weights of the current frame, the previous one, and so on, which are divided by their sum:
+        ``np.ones(n)`` averages n frames, :func:`moving_average` gives an exponential average.
 
     Returns
     -------
     float
-        For weights that are not negative, at most the root mean square error. If JAX traces an image
-        (``jit``, ``grad``, ``vmap``), an Array of its dtype, differentiable; the gradient is set to 0 where
-        the error is 0.
+        For non-negative weights, at most the root mean square error. If JAX traces an image (``jit``,
+        ``grad``, ``vmap``), an Array of its dtype, differentiable; the gradient is set to 0 if the error is
+        0.
 
     Notes
     -----
-    Pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them, normalised by their sum: a
-    discrete filter. It is evaluated in the frequency domain, to rounding errors;
-    ``scipy.ndimage.gaussian_filter`` truncates the same filter, which leaves too much of strongly attenuated
-    waves. From ``sigma`` = 1.5 on, the factor for a wave of f cycles per pixel is within 2e-5 of the
-    continuous Gaussian's exp(-2 (pi sigma f)^2).
+    The filter is discrete: pixels are weighted by exp(-r^2 / (2 sigma^2)) at all distances r between them,
+    normalised by their sum. It is evaluated in the frequency domain, to rounding errors;
+    ``scipy.ndimage.gaussian_filter`` truncates the same filter, which attenuates high frequencies too little.
+    For ``sigma`` of 1.5 and more, the factor for a wave of f cycles per pixel is within 2e-5 of that of the
+    continuous Gaussian, exp(-2 (pi sigma f)^2).
 
-    Errors that are independent from frame to frame keep the root of the sum of squared weights: n^(-1/2) for
-    the average of n frames, (alpha / (2 - alpha))^(1/2) for a moving average over many more than 1 / alpha.
+    Errors that are independent between frames are multiplied by the root of the sum of squared weights:
+    n^(-1/2) for the average of n frames, (alpha / (2 - alpha))^(1/2) for a moving average over many more than
+    1 / alpha.
 
     Examples
     --------
@@ -198,14 +199,14 @@ def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
 
 
 def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
-    """Return the mean radial power of an image's error below a frequency: 1 for white noise.
+    """Return the mean radial power of an image's error below a cutoff frequency: 1 for white noise.
 
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
     cutoff : float
         In cycles per pixel, in (0, 1/2], above one cycle per image. Annuli of :func:`radial_average` below it
-        have equal weights; the mean is left out.
+        have equal weights; the zero frequency is omitted.
 
     Returns
     -------
@@ -231,24 +232,24 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-        Of equal shape. The image is taken as periodic.
+        Of equal shape. The image is treated as periodic.
     distance : float
         From the eye to the image, in pixel widths; positive. At 60 cm from pixels of 0.3 mm it is 2000: 35
-        pixels per degree. The larger it is, the coarser is the noise that vanishes.
+        pixels per degree. At larger distances coarser noise becomes invisible.
 
     Returns
     -------
     float
         At most the root mean square error, its limit as ``distance`` goes to 0. If JAX traces an image, an
-        Array of its dtype, differentiable; the gradient is set to 0 where the error is 0.
+        Array of its dtype, differentiable; the gradient is set to 0 if the error is 0.
 
     Notes
     -----
     The sensitivity to f cycles per degree is that of [1]_, 2.6 (0.0192 + 0.114 f) exp(-(0.114 f)^1.1),
     divided by its maximum near 8 cycles per degree, and 1 below the maximum. The lower sensitivity of the eye
     at low frequencies is measured for patterns at threshold and depends on the distance, while images are
-    viewed from many; without it the weights are those of a low-pass filter, and a wrong mean counts in full,
-    as is usual for dithering.
+    viewed from many distances. Without it the weights are those of a low-pass filter, and a wrong mean counts
+    fully, as is usual for dithering.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Images of an integrand that is the same in every pixel."""
+"""Images of an integrand shared by all pixels."""
 
 from collections.abc import Callable
 from typing import Any
@@ -26,9 +26,9 @@ def pixel_means(
     dtype: DTypeLike = jnp.float32,
     mesh: Mesh | None = None,
 ) -> Array:
-    """Average one function over the samples of each pixel: the error of a sampler, independent of any scene.
+    """Average one function over the samples of each pixel, to measure a sampler independently of a scene.
 
-    Since all pixels have the same integral, the image shows only error and its distribution over pixels.
+    Since all pixels have the same integral, the image shows only the error and its distribution over pixels.
 
     Parameters
     ----------
@@ -39,8 +39,8 @@ def pixel_means(
     width, height : int, in [1, 65536]
     spp : int, samples per pixel, at least 1 and as many as the sampler allows
     dims : tuple of int
-        The coordinates of the points: the position in the pixel by default. Samplers that use one net for the
-        whole screen have used these for the pixel: take later ones.
+        The coordinates of the points, by default the position in the pixel. Samplers that use one net for the
+        whole screen use these to find the pixel: choose later ones.
     dtype : float32 or float64
         Of points, values and sums. Sums are compensated.
     mesh : jax.sharding.Mesh, optional
@@ -99,7 +99,7 @@ def _means(
     def of_rows(start: Array, function: Any, sampler: Any, spp: Array) -> Array:
         x = jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 1)
         y = start + jax.lax.broadcasted_iota(jnp.uint32, (rows, width), 0)
-        # Rows below the last repeat it, and are cut off.
+        # Rows beyond the last repeat it, and are cut off.
         prepared = sampler.prepare(x, jnp.minimum(y, np.uint32(height - 1)), dims)
 
         def values(parameters: Any, sample: Array) -> Array:

@@ -61,7 +61,8 @@ def direct_sums(points: Array, highest: int) -> Array:
 def fast_sums(points: Array, highest: int) -> Array:
     """Return the same by FFT, each sum within 1e-11 n for n points.
 
-    Measured: 1e-12 n; and for derivatives by a coordinate, 1e-10 of 2 pi times the highest frequency.
+    The measured error is 1e-12 n; for derivatives with respect to a coordinate, 1e-10 of 2 pi times the
+    highest frequency.
     """
     dims = points.shape[1]
     side = max(2 ** math.ceil(math.log2(4 * highest)), 16)
@@ -148,7 +149,7 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
     Parameters
     ----------
     points : float ArrayLike, shape (n, 2) or (n, 3)
-        At least one point in [0, 1)^d. Computed in float64, whatever the global flag.
+        At least one point in [0, 1)^d. Computed in float64, for any ``jax_enable_x64``.
     resolution : int
         Frequencies along each axis, at least 2, at most 4096 in two and 256 in three dimensions. Odd
         resolutions have as many negative as positive ones, up to (resolution - 1) / 2; even ones have
@@ -156,7 +157,7 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
     method : "direct", "fft" or None
         "direct" sums all waves: exact to rounding errors, in O(n resolution^d) time. "fft", a non-uniform
         fast Fourier transform, has an absolute error of the sum below 1e-11 n, in
-        O(n + resolution^d log(resolution)) time. None takes the one with fewer operations.
+        O(n + resolution^d log(resolution)) time. None selects the one with fewer operations.
 
     Returns
     -------
@@ -168,8 +169,8 @@ def point_spectrum(points: ArrayLike, resolution: int, method: Method | None = N
 
     Notes
     -----
-    Memory, with or without the gradient: the points, the spectrum and a batch; for "fft" also a grid of
-    up to 8^d times as many numbers as there are frequencies.
+    With or without the gradient, memory is needed for the points, the spectrum and a batch, and for "fft"
+    also for a grid with up to 8^d times as many numbers as there are frequencies.
 
     Examples
     --------

@@ -18,8 +18,8 @@ from qmcjax.core import checks
 def error_spectrum(image: ArrayLike, reference: ArrayLike, *, animated: bool = False) -> NDArray[np.float64]:
     """Return the power spectrum of the error e of an image, ``|FFT(e - mean e)|^2 / (N var e)``.
 
-    The mean over all frequencies is 1, whatever the size of the error, and so is the expectation at
-    each of them if the error is white noise. The image is taken as periodic, without a window.
+    The mean over all frequencies is 1 for any size of the error, and so is the expectation at each frequency
+    if the error is white noise. The image is treated as periodic, without a window.
 
     Parameters
     ----------
@@ -27,21 +27,21 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike, *, animated: bool = F
         If animated, frames of these, shape (frames, height, width[, channels]), periodic in time, too.
         Powers and variances of channels are summed before they are divided.
     reference : float ArrayLike, of the same shape
-        If animated, also of the shape of one frame, for all of them.
+        If animated, also of the shape of one frame, for all frames.
     animated : bool
         Whether the first axis is time.
 
     Returns
     -------
     float64 array, shape (height, width) or (frames, height, width)
-        In the layout of ``numpy.fft.fftn``: element [0, 0] is the mean, which is removed, hence 0.
-        Of frames, :func:`radial_average` computes the power over frequencies in time and in space.
-        If JAX traces an image (``jit``, ``grad``, ``vmap``), of its dtype, and differentiable.
+        In the layout of ``numpy.fft.fftn``: element [0, 0], the mean, is removed and hence 0. For frames,
+        :func:`radial_average` computes the power over frequencies in time and in space. If JAX traces an
+        image (``jit``, ``grad``, ``vmap``), of its dtype, and differentiable.
 
     Raises
     ------
     ValueError
-        If the error is constant. Where JAX traces it, the spectrum is 0 then.
+        If the error is constant. If JAX traces it, the spectrum is 0 instead.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def error_spectrum(image: ArrayLike, reference: ArrayLike, *, animated: bool = F
 
 
 def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the mean power in annuli of width 1 around the mean, which is left out.
+    """Return the mean power in annuli of width 1 around the zero frequency, which is omitted.
 
     Parameters
     ----------
@@ -78,14 +78,14 @@ def radial_average(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np
     -------
     frequency : float64 array, shape (max(height, width) // 2,)
         1, 2, ... up to the Nyquist frequency: cycles per longer side of the image. Annulus k contains
-        frequencies in [k - 1/2, k + 1/2); the corners beyond the last are left out.
+        frequencies in [k - 1/2, k + 1/2); the corners beyond the last are omitted.
     power : float64 array, of the same shape, or (frames, max(height, width) // 2)
         The mean of each annulus. If JAX traces the spectrum, of its dtype, and differentiable.
 
     Notes
     -----
-    Frequencies are measured in space, not in elements of the array: if an image is not square, the
-    frequencies along its shorter side are farther apart, and fewer are in an annulus.
+    Frequencies are measured in space, not in elements of the array: if an image is not square, frequencies
+    along its shorter side are farther apart, and an annulus contains fewer.
 
     Examples
     --------
@@ -167,7 +167,7 @@ def mean_spectrum(
     ----------
     make : Callable
         From a key to a spectrum of points or of an error image, or to anything computed from it, such as a
-        radial average. All must have one shape. One at a time is stored.
+        radial average. All must have the same shape. Only one at a time is stored.
     keys : Iterable, at least two keys, for independent realisations
 
     Returns

@@ -82,23 +82,23 @@ def star_discrepancy_bounds(
     points : float ArrayLike, shape (n, d) or (n,)
         At least one point in [0, 1)^d, as for `star_discrepancy`.
     key : jax.random.key, or int in [0, 2**32)
-        Seed of the search for the lower bound. The best of several is a lower bound, too.
+        Seed of the search for the lower bound. The best over several keys is a lower bound, too.
     regions : int, optional
-        In [1, 2**32): regions of boxes that may be examined for the upper bound. By default 2^29 / (n d),
-        at most 2^18 and at least 1. Of no effect for more than 2^18 points in three dimensions.
+        In [1, 2**32): maximum number of regions of boxes to examine for the upper bound. By default 2^29 /
+        (n d), at most 2^18 and at least 1. No effect for more than 2^18 points in three dimensions.
 
     Returns
     -------
     lower, upper : float
-        They differ by rounding errors, (d + 2) 2^-50, if the regions suffice, and always in one
-        and two dimensions. If JAX traces the points (``jit``, ``grad``, ``vmap``), Arrays: the lower one has
-        the derivative of its box; so does the upper one if the regions suffice, otherwise 0.
+        They differ only by rounding errors, (d + 2) 2^-50, if the regions suffice, and always in one and two
+        dimensions. If JAX traces the points (``jit``, ``grad``, ``vmap``), Arrays: the derivative of the
+        lower one is that of its box; that of the upper one is the same if the regions suffice, otherwise 0.
 
     Notes
     -----
     **Lower bound.** It is the volume of one box minus its share of the points, or the opposite, less
-    the rounding error of that number. The star discrepancy is the supremum over all boxes and thus no
-    less. The box is found by threshold accepting [1]_ or in the search for the upper bound.
+    the rounding error of that number. The star discrepancy is the supremum over all boxes, and thus not
+    smaller. Threshold accepting [1]_ or the search for the upper bound finds the box.
 
     **Upper bound.** Let [l, h] be a region: all boxes between the boxes l and h. For a box q in it the
     volume is V(q) <= V(h), the share N(q)/n >= N(l)/n, hence V(q) - N(q)/n <= V(h) - N(l)/n and, the
@@ -123,8 +123,8 @@ def star_discrepancy_bounds(
     at their edges give a lower bound, and the cells themselves are a cover, with an upper bound that is up to
     3/251 larger. This takes O(n) time.
 
-    The upper bound decays slowly with the number of regions in many dimensions: above about ten
-    it is loose, and may be 1, while the lower bound is still close to the star discrepancy.
+    In many dimensions the upper bound decays slowly with the number of regions: above about ten dimensions it
+    is loose, and may be 1, while the lower bound is still close to the star discrepancy.
 
     References
     ----------

@@ -51,25 +51,25 @@ def star_discrepancy(points: ArrayLike) -> float:
     float
         Exact up to rounding errors: at most 2^-51 in one and two dimensions, (d + 2) 2^-51 in more.
         If JAX traces the points (``jit``, ``grad``, ``vmap``), an Array, differentiable: the derivative is
-        that of the volume of a worst box, of one of them at ties. `soft_star_discrepancy` smooths over boxes.
+        that of the volume of one worst box. `soft_star_discrepancy` smooths over boxes.
 
     Raises
     ------
     ValueError
-        Also if the computation is infeasible: then `star_discrepancy_bounds` brackets the result.
+        Also if the computation is infeasible; use `star_discrepancy_bounds` then.
 
     Notes
     -----
-    One dimension takes O(n log n) steps. Two take O(n) memory and O(n^1.5) steps, or up to O(n^2) if
-    many boxes come close to the largest difference; from 2^17 points on, all cores are used if Numba is
-    installed, in three times the memory of float64 points. Three take O(n^1.5) memory and O(n^2.5) steps in
-    the same case, for up to 2^16 points.
+    One dimension takes O(n log n) steps. Two dimensions take O(n) memory and O(n^1.5) steps, or up to O(n^2)
+    if many boxes come close to the largest difference; from 2^17 points on, all cores are used if Numba is
+    installed, with three times the memory of float64 points. Three dimensions take O(n^1.5) memory and
+    O(n^2.5) steps in the same case, for up to 2^16 points.
 
-    From three dimensions on, regions of boxes are bounded and halved until the largest difference is
-    certain; [1]_ surveys other algorithms. No useful bound on the number of regions is known: it grows
-    with the dimension, and with the quality of the points. A search of more than 2^22 regions, or
-    2^35 / (n d) if that is less, gives up. Feasible are the first n Sobol' points for n = 4096 in 4
-    dimensions, 2048 in 5, 512 in 6, 128 in 8 and 64 in 12, and larger sets of less well distributed points.
+    From three dimensions on, regions of boxes are bounded and halved until the largest difference is certain;
+    [1]_ surveys other algorithms. No useful bound on the number of regions is known: it grows with the
+    dimension and with the quality of the points. The search gives up after 2^22 regions, or 2^35 / (n d) if
+    that is less. It is feasible for the first n Sobol' points with n = 4096 in 4 dimensions, 2048 in 5, 512
+    in 6, 128 in 8 and 64 in 12, and for larger sets of less well distributed points.
 
     References
     ----------
@@ -143,9 +143,9 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
     ----------
     points : float32 or float64 ArrayLike, shape (n, d) or (n,)
         Points in [0, 1)^d, (n + 1)^d n at most 2^24; a vector is a set in one dimension. Boxes are summed in
-        the precision of the points, whatever the global flag.
+        the precision of the points, for any ``jax_enable_x64``.
     temperature : float
-        T, positive. The larger, the smoother: more boxes have a derivative.
+        T, positive. The larger, the smoother: more boxes contribute to the derivative.
 
     Returns
     -------
@@ -155,11 +155,11 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
 
     Notes
     -----
-    Boxes end at all combinations of the points' coordinates and 1, however these are ordered. A closed box
-    counts a point up to T behind an end in part, an open one a point up to T before it, by a polynomial of
-    degree 5 in between: so neither count errs to the side that makes the discrepancy small, and a box of the
-    star discrepancy has its value. The soft differences D_q are at most those of boxes whose ends are moved
-    by T. The soft maximum is T log(sum exp(D_q / T)) over all 2 (n + 1)^d open and closed boxes q.
+    Boxes end at all combinations of the points' coordinates and 1, in any order. A closed box partly counts a
+    point up to T beyond an end, an open one a point up to T before it, with weights by a polynomial of degree
+    5. So neither count decreases the discrepancy, and a worst box keeps at least its value. The soft
+    differences D_q are at most those of boxes with ends moved by T. The soft maximum is
+    T log(sum exp(D_q / T)) over all 2 (n + 1)^d open and closed boxes q.
 
     O(n^(d + 1)) time and O(n^d) memory.
 
@@ -201,7 +201,7 @@ def _step(x: Array) -> Array:
 
 
 def _counts(inside: list[Array]) -> Array:
-    """Return how many points are in the boxes of all combinations: shares along each axis, (n + 1, n)."""
+    """Return the soft counts of points in all boxes, from the shares along each axis, (n + 1, n)."""
     letters = "abcdefghijklmnopqrstuvwxy"[: len(inside)]
     wanted = ",".join(f"{letter}z" for letter in letters)
     return jnp.einsum(f"{wanted}->{letters}", *inside)

@@ -25,10 +25,10 @@ class Order(Protocol):
 def segment_counts(order: Order, radius: int = 1) -> NDArray[np.int64]:
     """Count the segments of a curve that enter the neighbourhood of each pixel.
 
-    A segment is a maximal run of consecutive positions among the pixels at most ``radius`` columns
-    and rows away, clipped to the image. Fewer segments mean longer contiguous pieces of a low
-    discrepancy sequence in the neighbourhood [1]_. A curve that leaves the image and returns
-    begins a new segment there, and the two ends of a closed curve are different segments.
+    A segment is a maximal run of consecutive positions among the pixels at most ``radius`` columns and rows
+    away, clipped to the image. Fewer segments mean longer contiguous blocks of a low discrepancy sequence in
+    the neighbourhood [1]_. A curve that leaves the image and returns starts a new segment, and the two ends
+    of a closed curve are different segments.
 
     Parameters
     ----------
@@ -100,9 +100,9 @@ def curve_length(order: Order) -> float:
     Returns
     -------
     float
-        In pixel widths. At least width * height - 1, attained by curves that only step to neighbours: the
-        shortest routes through all pixels. For a curve over a padded image it is the length of the path
-        through the pixels in their order, straight across the padding.
+        In pixel widths. At least width * height - 1, which curves attain that only step to neighbours. For a
+        curve over a padded image it is the length of the path through the pixels in their order, straight
+        across the padding.
 
     Notes
     -----
@@ -128,8 +128,8 @@ def curve_length(order: Order) -> float:
 def neighbour_differences(order: Order, base: int | None = None) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the differences of the positions of pixels that share an edge, or of their radical inverses.
 
-    The differences are deterministic: where they form regular patterns, a sequence enumerated along
-    the curve is correlated between the pixels [1]_.
+    The differences are deterministic: if they form regular patterns, a sequence enumerated along the curve is
+    correlated between pixels [1]_.
 
     Parameters
     ----------

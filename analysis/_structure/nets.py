@@ -122,17 +122,17 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
     Parameters
     ----------
     points_or_matrices : ArrayLike
-        Without ``m``, an array of two axes holds points, and t is found by counting: shape (n, s), n
+        Without ``m``, an array with two axes contains points, and t is found by counting: shape (n, s), n
         a power of the base, float32 or float64 in [0, 1), or uint32 fractions of 2**32.
 
-        With ``m``, it holds generator matrices, and t is found from ranks: uint32 of shape (s, 32)
+        With ``m``, it contains generator matrices, and t is found from ranks: uint32 of shape (s, 32)
         with column k of C_j as a word, its first row in bit 31 (the ``matrices`` of a digital
-        sequence in base 2; without ``m`` these would be taken for points). Integers of three axes
+        sequence in base 2; without ``m`` they would be read as points). Integers with three axes
         (s, rows, columns) are always generator matrices, over F_base, with entries modulo the base.
     base : int, in [2, 65535]; a prime for matrices
     m : int, optional
-        The net is the first base**m points of the matrices' sequence (any aligned block has the same
-        t), given by their upper left m x m parts. By default the number of columns, for three axes.
+        The net is the first base**m points of the sequence of the matrices (any aligned block has the same
+        t), given by their upper left m x m blocks. For three axes, the number of columns by default.
 
     Returns
     -------
@@ -141,16 +141,16 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
 
     Notes
     -----
-    Counting takes O(n) for each shape of intervals that is examined, ranks at most O(m**2). These are at
-    least the binom(m - t + s - 1, s - 1) shapes of m - t digits, and at most as many as for t = 0. If a
-    shape is filled evenly, so are all coarser ones, so one pass determines t.
+    Counting takes O(n) for each shape of intervals examined, ranks at most O(m**2). The number of shapes is
+    at least binom(m - t + s - 1, s - 1), that of shapes with m - t digits, and at most that for t = 0. If a
+    shape is filled uniformly, so are all coarser ones, so one pass determines t.
 
-    Floats stand for fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the float
+    Floats represent fractions rounded to nearest: an interval [a / b**d, (a + 1) / b**d) begins at the float
     nearest to a / b**d and ends before the one nearest to (a + 1) / b**d. So every a / b**k with b**k below
-    2**24 in float32, below 2**53 in float64, is counted in the interval of the fraction itself, unlike in
+    2**24 in float32, below 2**53 in float64, is counted in the interval of the exact fraction, unlike in
     plain arithmetic: about half of these floats are just below their fraction. In base 2 the ends are floats
     and nothing is rounded. uint32 fractions are exact in any base. Pass points with more digits than float32
-    holds in float64 or as words; this is required for more than 2**24 points.
+    represents in float64 or as words; this is required for more than 2**24 points.
 
     References
     ----------
@@ -174,7 +174,7 @@ def t_value(points_or_matrices: ArrayLike, base: int = 2, m: int | None = None) 
 def projection_t_values(
     points_or_matrices: ArrayLike, base: int = 2, m: int | None = None, size: int = 2
 ) -> dict[tuple[int, ...], int]:
-    """Return t of the projections of a net onto all pairs of coordinates, all triples, and so on.
+    """Return t of all projections of a net onto pairs of coordinates, triples, and so on.
 
     Parameters
     ----------

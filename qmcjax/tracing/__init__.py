@@ -1,10 +1,10 @@
 """The parts of ray-traced scenes: motion, shapes, worlds of objects, lights, cameras and ray queries.
 
 Objects are shapes in object space with a motion to world space. Each ray is transformed to object space, so
-that rotation is exact at every time.
+rotation is exact at every time.
 
-Arguments known before tracing are checked: TypeError and ValueError name the argument, what it must be and
-what was given.
+Arguments known before tracing are checked: a TypeError or ValueError names the argument, the requirement and
+the value.
 """
 
 from qmcjax.tracing import motion as motion

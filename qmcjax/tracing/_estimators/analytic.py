@@ -1,8 +1,7 @@
 """Radiance over the time a shutter is open: exact visibility, sampled shading (thesis, Sect. 3.2).
 
-A primitive that is visible in an interval of time adds the length of that interval times the mean of its
-samples there. Only shading is random: where shading does not change, the mean over the shutter has no
-variance in time.
+A primitive that is visible in an interval of time adds the length of the interval times the mean of its
+samples there. Only shading is random: if it is constant, the mean over the shutter has no variance in time.
 """
 
 from dataclasses import field
@@ -26,10 +25,10 @@ from qmcjax.tracing.search.intersection import UNKNOWN, in_dtype
 from qmcjax.tracing.search.program import map_tiles
 
 TILE = 128
-"""Rays that are shaded together: all of them take as many iterations as one of them needs."""
+"""Rays that are shaded together: all take as many iterations as the slowest."""
 
 INSIDE = 2**-10
-"""Shading at an end of an interval is so far inside, relative to its length: at ends, rays hit edges."""
+"""Relative distance of shading from the ends of an interval, where rays hit edges."""
 
 
 class _Pieces(NamedTuple):
@@ -41,7 +40,7 @@ class _Pieces(NamedTuple):
     """As a part of the shutter."""
     number: list[Array]
     stop: list[Array]
-    """int32: how many samples there are up to the end of the piece."""
+    """int32: number of samples up to the end of the piece."""
 
 
 @frozen_pytree
@@ -55,7 +54,7 @@ class AnalyticVisibility:
 
     @property
     def unrolled(self) -> int:
-        """Samples that a program evaluates in one pass: unrolling more makes it too long."""
+        """Samples that a program evaluates in one pass; more would make it too long."""
         return self.estimator.unrolled
 
     @property
@@ -110,7 +109,7 @@ class AnalyticVisibility:
         return rays, _pieces(find_intervals(*fixed, self.intervals), opened, closed, self.samples)
 
     def unresolved(self, point: Array) -> Array:
-        """Return the part of the shutter in which visibility is sampled because intervals do not fit.
+        """Return the fraction of the shutter with sampled visibility because intervals do not fit.
 
         Points have shape (..., len(needs)); the result, in [0, 1], is 0 where visibility is exact.
         """
@@ -123,7 +122,7 @@ class AnalyticVisibility:
         return pieces.share[-1].reshape(point.shape[:-1])
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Return which coordinates may matter between opposite corners of boxes of points.
+        """Return the coordinates that may matter between opposite corners of boxes of points.
 
         See :meth:`Estimator.varies`.
         """
@@ -152,7 +151,7 @@ def _pieces(found: Any, opened: Array, closed: Array, samples: int | None) -> _P
     share, stop, total = [], [], jnp.zeros_like(number[0])
     for one in zip(start, end, number, strict=True):
         used = one[2] != -1
-        # A shutter that is open for no time sees the scene at that time.
+        # A shutter with no duration sees the scene at that time.
         part = jnp.where(whole > 0, (one[1] - one[0]) / jnp.where(whole > 0, whole, 1), 1)
         part = jnp.where(used, part, 0)
         count = 2 if samples is None else jnp.maximum(jnp.round(samples * part).astype(jnp.int32), 1)
@@ -172,8 +171,8 @@ def _sample(pieces: _Pieces, place: Array, offset: Array, samples: int | None) -
         here = (before <= place) & (place < stop)
         count = jnp.where(here, stop - before, 1).astype(offset.dtype)
         turn = (place - before).astype(offset.dtype)
-        # Samples of one interval are stratified, or at its ends: linear functions keep their mean if both
-        # are equally far inside.
+        # Samples of one interval are stratified, or near its ends: at equal distances from both, linear
+        # functions keep their mean.
         at = INSIDE + (1 - 2 * INSIDE) * turn if samples is None else (turn + offset) / count
         time = jnp.where(here, start + at * length, time)
         weight = jnp.where(here, share / count, weight)
@@ -185,11 +184,11 @@ def _sample(pieces: _Pieces, place: Array, offset: Array, samples: int | None) -
 def analytic_visibility(
     scene: Estimator, samples: int | None = 1, *, intervals: int = 8
 ) -> AnalyticVisibility:
-    """Average a scene over the time its shutter is open, with visibility exact in time.
+    """Average a scene over the time its shutter is open, with exact visibility in time.
 
     Camera rays see each primitive for intervals of time, see :func:`visible_intervals`. In each interval the
     primitive is shaded at a few times and weighted by the length of the interval. Rays that hit nothing see
-    the environment. Shadows, mirrors and scattered light use the times of shading.
+    the environment. Shadows, mirrors and scattered light are evaluated at the times of shading.
 
     Parameters
     ----------
@@ -197,20 +196,20 @@ def analytic_visibility(
         Made by :func:`direct_light` or :func:`path_tracing`. Objects must move linearly, as
         :func:`visible_intervals` requires; the camera must not move.
     samples : int, optional
-        Number of times of shading for the whole shutter, in [1, 4096]: each interval gets its share, at
-        least one, stratified; they share one coordinate ``shading`` and those of lights. None shades at
-        the two ends of each interval and interpolates linearly: then no coordinate stands for time.
+        Number of times of shading for the whole shutter, in [1, 4096]: each interval gets its share, at least
+        one, stratified. They share one coordinate ``shading`` and those of lights. None shades at the two
+        ends of each interval and interpolates linearly, without a coordinate for time.
     intervals : int, optional
-        Maximum number of intervals per ray, in [1, 256]; more take more time. If they do not fit, the rest of
+        Maximum number of intervals per ray, in [1, 256]; more take longer. If they do not fit, the rest of
         the shutter is one more interval, with visibility sampled at the times of shading, at least one; see
         :meth:`AnalyticVisibility.unresolved`.
 
     Returns
     -------
     AnalyticVisibility
-        A scene that needs what ``scene`` needs, with ``shading`` or nothing in place of ``time``. Its mean is
-        that of ``scene``; with ``samples=None`` only if shading is linear in time. JAX differentiates it in
-        forward mode only, and not with respect to what moves an edge.
+        A scene with the coordinates of ``scene``, except for ``shading`` or nothing in place of ``time``. Its
+        mean is that of ``scene``; with ``samples=None`` only if shading is linear in time. JAX differentiates
+        it only in forward mode, and not with respect to parameters that move an edge.
 
     References
     ----------

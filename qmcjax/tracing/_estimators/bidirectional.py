@@ -50,7 +50,7 @@ class _Path(NamedTuple):
     scale: Array
     """Of the surface that the path comes from, like the next three: see `_Surface`."""
     closed: Array
-    """Whether nothing is connected there: at mirrors and the camera."""
+    """Whether paths are not connected there: at mirrors and the camera."""
     ratio: Array
     """See :meth:`_Surface.ratio`."""
     others: tuple[Array, ...]
@@ -60,7 +60,7 @@ class _Path(NamedTuple):
 
 
 class _Surface(NamedTuple):
-    """What camera paths hit, and how likely light paths find it, see :class:`Vertex`.
+    """The surface that camera paths hit, and the likelihood of light paths to find it, see :class:`Vertex`.
 
     If a light path may have J more surfaces than it has now, squared ratios are
     ``r^2 (open + b^2 others[J - 2])``: r is ``scale`` times the light's density of the direction to here over
@@ -93,7 +93,7 @@ class Bidirectional(Scattering):
 
     @property
     def _vertices(self) -> int:
-        """Number of surfaces on light paths: those that cannot be connected any more are not followed."""
+        """Number of surfaces on light paths; those that cannot be connected are not followed."""
         return min(self.light_bounces, self.bounces) if emitters(self.world) else 0
 
     def light_needs(self) -> tuple[str, ...]:
@@ -145,7 +145,7 @@ def _step(world: World, time: Array, path: _Path, draw: Draws, light: Vertex | N
     inverse = jnp.where(mirror, 1, 1 / density)
     ratio = surface.ratio(direction)
     if others:
-        # With each surface the light path may be one longer: ending it here is another strategy then.
+        # With each surface the light path may be one longer: ending it here is then another strategy.
         returns = square(back(at, direction))
         others = (is_open, *(is_open + returns * part for part in others[:-1]))
     ratios = density, inverse, surface.scale, mirror, ratio, others
@@ -155,7 +155,7 @@ def _step(world: World, time: Array, path: _Path, draw: Draws, light: Vertex | N
 def _light_of_lights(
     world: World, surface: _Surface, time: Array, throughput: Vector, choice: Choice, last: Array, joins: bool
 ) -> Vector:
-    """Return the light of lights, weighted by how likely other strategies find it."""
+    """Return direct light, weighted against the other strategies that find it."""
 
     def gain(light: Sample, reflectance: Vector, density: Array) -> Vector:
         others = jnp.where(last, 0, square(density / jnp.where(light.density > 0, light.density, 1)))
@@ -212,21 +212,21 @@ def _connect(
 def bidirectional(
     world: World, camera: Camera, bounces: int, light_bounces: int = 1, *, smooth: bool = False
 ) -> Bidirectional:
-    """Make the scene of a world with scattered light, by paths from the camera and from lights.
+    """Make a scene of a world with scattered light, by paths from the camera and from lights.
 
     Each camera path is connected to one light path: each of its vertices to each vertex of the other.
     Multiple importance sampling weights these connections, and both strategies of :func:`path_tracing`, by
     the power heuristic over all strategies that find the same path [1]_. A sample is the radiance along one
-    ray: light paths are not connected to the lens, so the scene stays a function on the screen.
+    ray: light paths are not connected to the lens, so the scene remains a function on the screen.
 
     Parameters
     ----------
     world : World
     camera : Camera
     bounces : int
-        See :func:`path_tracing`, which has the same expectation.
+        See :func:`path_tracing`. The expectation is the same.
     light_bounces : int, optional
-        Maximum number of surfaces on a light path, in [0, 64]; at most ``bounces`` are used. Paths begin at
+        Maximum number of surfaces on a light path, in [0, 64]; at most ``bounces`` are used. Paths start at
         point, sphere and rectangle lights, not at environments. 0 is path tracing.
     smooth : bool, optional
         See :func:`path_tracing`.
@@ -234,9 +234,9 @@ def bidirectional(
     Returns
     -------
     Bidirectional
-        A scene with values (..., 3) that needs what :func:`path_tracing` needs, then ``[emit][, emit_u,
-        emit_v], emit_way_u, emit_way_v``, which choose a light, a point on it and a direction, and for s = 1,
-        2, ..., ``light_bounces - 1`` further ``scatter{s}_u, scatter{s}_v[, scatter{s}_lobe]``.
+        A scene with values (..., 3). It needs the coordinates of :func:`path_tracing`, then ``[emit][,
+        emit_u, emit_v], emit_way_u, emit_way_v``, which choose a light, a point on it and a direction, and
+        for s = 1, 2, ..., ``light_bounces - 1`` also ``scatter{s}_u, scatter{s}_v[, scatter{s}_lobe]``.
 
     References
     ----------

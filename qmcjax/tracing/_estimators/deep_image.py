@@ -29,12 +29,12 @@ class Rasterized(NamedTuple):
 
 
 def rasterize(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Rasterized:
-    """Rasterize two triangles for each four adjacent pixels, whose vertices have moved.
+    """Rasterize two triangles for each four adjacent pixels, with moved vertices.
 
     All candidates, pairs of a triangle and a pixel of its bounding box, are tested at once.
 
     Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). Depth
-    is linear between vertices; the smallest is in front. Triangles with an unseen vertex are left out.
+    is linear between vertices; the smallest is in front. Triangles with an unseen vertex are omitted.
     """
     height, width = x.shape
     pixel = np.arange(height * width).reshape(height, width)
@@ -78,7 +78,7 @@ _FAR = 1e30
 """The depth of pixels without a hit."""
 
 _ROWS = 2**14
-"""Samples taken together: one program serves all numbers of pixels and samples."""
+"""Samples taken together, for one program that serves all numbers of pixels and samples."""
 
 
 class Step(NamedTuple):
@@ -106,7 +106,7 @@ class DeepImage(NamedTuple):
 
 
 class Renderer(NamedTuple):
-    """What all images share."""
+    """The data shared by all images."""
 
     scene: Estimator
     width: int

@@ -1,4 +1,4 @@
-"""What all estimators share: they are scenes, functions of points of the unit cube."""
+"""The interface of all estimators: scenes, functions on the unit cube."""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -30,11 +30,11 @@ class Estimator(ABC):
     smooth: bool
 
     unrolled: ClassVar[int] = 1
-    """Samples that a program evaluates in one pass: unrolling more makes it too long."""
+    """Samples that a program evaluates in one pass; more would make it too long."""
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The name of each dimension: screen, time and lens if they matter, and those of light transport."""
+        """The name of each dimension: screen, time and lens if they matter, and light transport."""
         moves = not self.camera.still and anything_moves(self.world, self.camera)
         return ("x", "y", *(("time",) if moves else ()), *self.camera.lens, *self.light_needs())
 
@@ -62,10 +62,10 @@ class Estimator(ABC):
         return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
 
     def varies(self, low: Array, high: Array) -> Array:
-        """Return which coordinates may matter between opposite corners of boxes of points.
+        """Return the coordinates that may matter between opposite corners of boxes of points.
 
         Corners and results have shape (..., len(needs)). False guarantees that the value does not depend on
-        the coordinate there: nothing is seen, or nothing that moves, nor its shadow in direct light.
+        the coordinate there: nothing is visible, or neither a moving object nor its shadow in direct light.
         """
         needs = self.needs
         low, high = together(low=floats("low", low, (len(needs),)), high=floats("high", high, (len(needs),)))
@@ -79,7 +79,7 @@ class Estimator(ABC):
         return jnp.stack([depends.get(name, found.objects) for name in needs], axis=-1)
 
     def guarded(self) -> tuple[World, Camera]:
-        """Return the parts, with those that move visibility edges guarded against differentiation."""
+        """Return world and camera, with parameters that move edges guarded against differentiation."""
         if self.smooth:
             return self.world, self.camera
         objects = (
@@ -105,12 +105,12 @@ def by_name(point: Array, needs: tuple[str, ...]) -> Coordinates:
 
 
 def anything_moves(world: World, camera: Camera) -> bool:
-    """Whether anything depends on time."""
+    """Return whether anything depends on time."""
     return camera.motion is not None or any(item.moves or item.recolors for item in world.objects)
 
 
 def freeze(world: World, camera: Camera, like: Array) -> World:
-    """Return the world when the shutter opens: motions are evaluated once, not for each ray."""
+    """Return the world when the shutter opens, with motions evaluated once instead of for each ray."""
     time = jnp.asarray(camera.shutter).astype(like.dtype).reshape(-1)[0]
 
     def still(item: Object) -> Object:

@@ -1,9 +1,9 @@
 """Depth of field by lines on the lens, each with exact visibility (thesis, Sect. 3.3.5).
 
-A ray through the point m of the lens sees at the depth z what a ray through the centre of the lens and the
-same point of the screen sees there, moved by ``m (1 - z / focus)``. So the inverse shear of the world,
-``p - m (1 - z / focus)``, shows the centre of the lens what m sees. The shear is linear in m: while m moves
-along a line, all vertices move on lines, and visibility in time is exact.
+At depth z, a ray through the point m of the lens is displaced by ``m (1 - z / focus)`` from the ray through
+the centre of the lens and the same point of the screen. So in the sheared world, with points
+``p - m (1 - z / focus)``, the centre of the lens sees the view from m. The shear is linear in m: while m
+moves along a line, all vertices move on lines, and visibility in time is exact.
 """
 
 from dataclasses import field
@@ -32,21 +32,21 @@ from qmcjax.tracing.search.intersection import in_dtype
 
 
 def lens_lines(count: int) -> NDArray[np.float64]:
-    """Return diameters of the lens at equal angles, the first along the image's width.
+    """Return diameters of the lens at equal angles, the first along the width of the image.
 
-    With the redistribution of :func:`lens_line` their mean integrates all polynomials of degree up to
+    With the redistribution of :func:`lens_line`, their mean integrates all polynomials of degree up to
     ``2 count - 1`` over the disc exactly: half lines at ``2 count`` equal angles do so around the circle, and
     along each the density is that of the disc.
 
     Parameters
     ----------
     count : int
-        In [1, 2**16]. These lines are every other one of ``lens_lines(2 * count)``.
+        In [1, 2**16]. These lines are every second one of ``lens_lines(2 * count)``.
 
     Returns
     -------
     float64 array of NumPy, shape (count, 2, 2)
-        Line, start or end, coordinate to the right or upward in the image; the lens has the radius 1.
+        Line, start or end, coordinate to the right or upward in the image; the lens has radius 1.
 
     References
     ----------
@@ -68,7 +68,7 @@ def lens_lines(count: int) -> NDArray[np.float64]:
 
 
 def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
-    """Make the moving world that shows the centre of a lens what points on a line of the lens see.
+    """Make a moving world that the centre of the lens sees as points along a line on the lens see the world.
 
     `visible_intervals` along ``camera.view(x, y)`` then returns positions on the line as times, 0 at its
     start and 1 at its end, and depths along the view as distances.
@@ -76,17 +76,17 @@ def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
     Parameters
     ----------
     world : World
-        With triangles, rectangles and boxes only, lights included.
+        With only triangles, rectangles and boxes, including lights.
     camera : Camera
-        With a round aperture and no motion. If something moves, the shutter must be one time: the line takes
-        the place of time.
+        With a round aperture and no motion. If something moves, the shutter must be one time: the line
+        replaces time.
     line : float ArrayLike, shape (2, 2)
         Start and end on the lens, which has radius 1; see :func:`lens_lines`.
 
     Returns
     -------
     World
-        Without lights; lights with an extent become objects, so that primitives keep their numbers.
+        Without lights. Lights with an extent become objects, which preserves the numbers of primitives.
 
     References
     ----------
@@ -167,7 +167,7 @@ class _Shear:
 
 
 def shear_world(world: World, camera: Camera, line: Any, like: Array) -> World:
-    """Return the moving world that a line on the lens shows its centre."""
+    """Return the moving world that the centre of the lens sees for a line."""
     middle = jnp.full_like(like, 0.5)
     view = camera.view(middle, middle)
     position, right, upward, forward = (
@@ -219,7 +219,7 @@ class LensLine:
         origin = each(lambda a: zero + a, view.origin)
         rays = shear_world(world, camera, line, zero[0]), origin, view.seen
         found = find_intervals(*jax.lax.stop_gradient(rays), zero[0], zero[0] + 1, self.intervals)
-        # Beyond the last interval the primitive may be unknown: then the ray is traced there.
+        # Beyond the last interval the primitive may be unknown: then trace the ray there.
         inner = jnp.stack([found.start, found.end], axis=1).reshape(-1, len(zero))
         ends = [zero[None], inner, zero[None] + 1]
         mass = self._mass(jnp.concatenate(ends))
@@ -247,7 +247,7 @@ class LensLine:
         return stacked(total).reshape(*point.shape[:-1], 3)
 
     def _mass(self, place: Array) -> Array:
-        """Return the part of a line's weight before positions in [0, 1] on it."""
+        """Return the fraction of a line's weight before positions in [0, 1] on it."""
         side = 2 * place - 1
         return jnp.where(self.redistributed, 0.5 + 0.5 * side * abs(side), place)
 
@@ -262,10 +262,10 @@ class LensLine:
 def lens_line(
     scene: Estimator, line: ArrayLike, intervals: int = 16, *, redistributed: bool = True
 ) -> LensLine:
-    """Make the scene of one line on the lens, with exact visibility along the line.
+    """Make a scene of one line on the lens, with exact visibility along the line.
 
     The mean over the images of several lines has depth of field. Each interval of the line in which one
-    primitive is visible is shaded once and weighted by its part of the line.
+    primitive is visible is shaded once and weighted by its fraction of the line.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ def lens_line(
         Start and end on the lens, which has radius 1; see :func:`lens_lines`.
     intervals : int, optional
         Maximum number of intervals per ray, in [1, 256]. If they do not fit, the rest of the line is sampled
-        at one point: the mean stays right.
+        at one point: the mean is still correct.
     redistributed : bool, optional
         Whether the density along the line is that of a disc along its diameter, proportional to the distance
         from the middle (Fig. 3.10); else it is uniform.
@@ -284,12 +284,12 @@ def lens_line(
     Returns
     -------
     LensLine
-        A scene with values (..., 3) that needs ``x, y, lens_u`` and what ``scene`` needs beyond the lens;
-        ``lens_u`` chooses the point of each interval that is shaded.
+        A scene with values (..., 3). It needs ``x, y, lens_u`` and the coordinates of ``scene`` after the
+        lens; ``lens_u`` chooses the point to shade in each interval.
 
     Notes
     -----
-    The thesis prints a "sqrt(t)-like function". A part r**2 of the disc is within r of its centre, so t
+    The thesis prints a "sqrt(t)-like function". The fraction r**2 of the disc is within r of its centre, so t
     uniform in [0, 1] maps to r = sqrt(t) on both sides of the middle.
 
     References

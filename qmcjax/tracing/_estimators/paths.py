@@ -21,7 +21,7 @@ from qmcjax.tracing._world.world import World
 
 
 class Draws(NamedTuple):
-    """The coordinates used at surfaces; None where nothing is random."""
+    """The coordinates used at surfaces; None if nothing is random."""
 
     choice: Choice
     turn: Turn
@@ -31,7 +31,7 @@ class Draws(NamedTuple):
 
 
 class Scattering(Estimator):
-    """Light scattered from surface to surface, with as many bounces between them."""
+    """An estimator with light scattered from surface to surface."""
 
     bounces: int
 
@@ -127,32 +127,32 @@ def _weight(density: Array, other: Array) -> Array:
 def path_tracing(
     world: World, camera: Camera, bounces: int, *, roulette: int | None = None, smooth: bool = False
 ) -> PathTracing:
-    """Make the scene of a world with light scattered from surface to surface.
+    """Make a scene of a world with light scattered from surface to surface.
 
-    At each surface a point of a light and a direction of the surface are sampled; multiple importance
+    At each surface, a point of a light and a direction by the material are sampled; multiple importance
     sampling combines both by the power heuristic [1]_. Derivatives with respect to materials keep the sampled
-    directions, lobes and roulette, and so visibility edges: "detached sampling" [2]_.
+    directions, lobes and roulette fixed, and so visibility edges: "detached sampling" [2]_.
 
     Parameters
     ----------
     world : World
     camera : Camera
     bounces : int
-        Number of directions that a path takes after the first, in [0, 64]. 0 is direct light alone. Light
-        scattered more than ``bounces + 1`` times is lost, and so is what a mirror reflects if it is the last
-        of these surfaces.
+        Number of directions of a path after the first, in [0, 64]. 0 gives only direct light. Light scattered
+        more than ``bounces + 1`` times is lost, and so is the reflection in a mirror that is the last of
+        these surfaces.
     roulette : int, optional
-        From this bounce on, at least 1, paths of low throughput end at random and the others carry their
-        energy (Russian roulette), with one coordinate per bounce. None by default.
+        From this bounce on, at least 1, paths of low throughput end at random and the others are weighted up
+        (Russian roulette), with one coordinate per bounce. None by default.
     smooth : bool, optional
         See :func:`direct_light`. Edges of lights and emitters, as seen from surfaces that scatter, count too.
 
     Returns
     -------
     PathTracing
-        A scene with values (..., 3) that needs what :func:`direct_light` needs, and for k = 1, 2, ...,
-        ``bounces`` further ``bounce{k}_u, bounce{k}_v[, bounce{k}_lobe][, roulette{k}][, light{k}][,
-        light{k}_u, light{k}_v]``; ``lobe`` where a material has microfacets and a Lambertian part.
+        A scene with values (..., 3). It needs the coordinates of :func:`direct_light`, and for k = 1, 2, ...,
+        ``bounces`` also ``bounce{k}_u, bounce{k}_v[, bounce{k}_lobe][, roulette{k}][, light{k}][,
+        light{k}_u, light{k}_v]``; ``lobe`` if a material has microfacets and a Lambertian part.
 
     References
     ----------

@@ -23,7 +23,7 @@ from qmcjax.tracing._world.world import World, as_world
 from qmcjax.tracing.search.intersection import in_dtype
 
 _QUERIES = 1024
-"""Query points that are processed together: bounds the memory."""
+"""Query points processed together, to bound memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class Photons:
         time : float ArrayLike, shape (...)
             While the shutter is open. Shapes are broadcast.
         radius : float
-            Radius of the ball of photons, positive; the surface in it is taken to be a flat disc.
+            Radius of the ball of photons, positive; the surface in it is assumed to be a flat disc.
         window : float, optional
             In (0, 1]. Photons with a single time count if it differs by at most half the window, which is
             clipped to the shutter. Photons with intervals count exactly while they arrive.
@@ -109,7 +109,7 @@ class Photons:
         opened, closed = self.shutter
         low, high = np.maximum(time - 0.5 * window, opened), np.minimum(time + 0.5 * window, closed)
         lasts = end > start
-        # Intervals that touch share no time, but the last one includes the end of the shutter.
+        # Adjacent intervals share no time, but the last one includes the end of the shutter.
         during = np.where(
             lasts,
             (at >= start) & ((at < end) | (end == closed)),
@@ -143,7 +143,7 @@ class _Flying(NamedTuple):
 
 
 def photon_needs(world: World, bounces: int = 0) -> tuple[str, ...]:
-    """Return the names of the dimensions of the points that photons are made of.
+    """Return the names of the dimensions of the points that generate photons.
 
     Parameters
     ----------
@@ -175,15 +175,15 @@ def photons(
 ) -> Photons:
     """Emit photons, one per point, and store where and when they arrive.
 
-    Each photon has a single time [1]_, or arrives in intervals that :func:`visible_intervals` finds exactly:
-    moving objects split it into pieces, which share its energy in proportion to their lengths. A photon that
-    hits a moving or colour-changing object arrives there at one time, chosen in the interval.
+    Each photon has a single time [1]_, or arrives during intervals that :func:`visible_intervals` finds
+    exactly: moving objects split it into pieces that share its energy in proportion to their lengths. A
+    photon that hits a moving or colour-changing object arrives there at one time, chosen in the interval.
 
     Parameters
     ----------
     world : World
-        Its point, sphere and rectangle lights emit photons; environments do not. With ``intervals``, motions
-        must be those that :func:`visible_intervals` takes.
+        Its point, sphere and rectangle lights emit photons; environments do not. With ``intervals``,
+        :func:`visible_intervals` must support all motions.
     points : float ArrayLike, shape (n, len(photon_needs(world, bounces)))
         In [0, 1).
     bounces : int, optional
@@ -197,9 +197,9 @@ def photons(
     Returns
     -------
     Photons
-        NumPy arrays in the dtype of ``points``, float32 or float64. Without bounces, the total energy is
-        the power that arrives anywhere times the time the shutter is open; a bounce adds what is scattered
-        and arrives again.
+        NumPy arrays in the dtype of ``points``, float32 or float64. Without bounces, the total energy is the
+        power that arrives at surfaces times the duration of the shutter; each bounce adds the scattered power
+        that arrives again.
 
     Raises
     ------
@@ -299,7 +299,7 @@ def _split(world: World, flying: _Flying, count: int, shutter: tuple[float, floa
 
 
 def _in_rows(function: Any, world: World, rows: Any) -> list[NDArray]:
-    """Call a function of rows padded with zeros to a power of 2, so that few programs serve all numbers."""
+    """Call a function of rows padded with zeros to a power of 2, to limit the number of programs."""
     count = len(rows[0])
     more = 2 ** max(count - 1, 0).bit_length() - count
     wide = jax.tree.map(lambda a: jnp.asarray(np.pad(a, [(0, more)] + [(0, 0)] * (a.ndim - 1))), rows)

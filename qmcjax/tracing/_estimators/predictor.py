@@ -1,4 +1,4 @@
-"""Images of parts of the shutter, predicted from each other, corrected by samples (thesis, Sect. 3.3.4)."""
+"""Images of intervals of the shutter, predicted and corrected by samples (thesis, Sect. 3.3.4)."""
 
 from typing import Any, NamedTuple
 
@@ -20,7 +20,7 @@ class PredictorCorrector(NamedTuple):
     images: NDArray[np.float32]
     """(n, height, width, 3): one image per interval, in order."""
     samples: NDArray[np.int32]
-    """(n, height, width): samples per pixel. A pixel is predicted where they are fewer than ``fail``."""
+    """(n, height, width): samples per pixel; pixels with fewer than ``fail`` are predicted."""
     steps: tuple[Step, ...]
     """The predictions, in order."""
 
@@ -37,14 +37,14 @@ def predictor_corrector(
 ) -> PredictorCorrector:
     """Render a shutter of 2^m + 1 intervals, and predict most of their images.
 
-    Images of the first and last interval are sampled. The image half-way between two known ones is predicted:
-    pixels move with their nearest hit, triangles between them are rasterized with a z-buffer, and the colours
-    of both predictions are averaged; all else of a pixel (x, y) is taken from the first if x xor y is even,
-    else from the second [1]_. Where one of them covers nothing, the other is taken. A few samples then detect
-    where prediction failed.
+    Images of the first and last interval are sampled. The image half-way between two known ones is predicted
+    from both: pixels move with their nearest hit, triangles between them are rasterized with a z-buffer, and
+    the colours of both predictions are averaged. All other data of a pixel (x, y) are those of the first
+    prediction if x xor y is even, else those of the second [1]_. If one of them does not cover a pixel, the
+    other is used. A few samples then detect where prediction failed.
 
-    The result is biased: shadows and reflections, which move without their surface, are not predicted, and
-    errors below the contrast remain. Noise of sampled images propagates to the predicted ones.
+    The result is biased: shadows and reflections, which move independently of their surface, are not
+    predicted, and errors below the contrast remain. Noise of sampled images propagates to predicted ones.
 
     Parameters
     ----------
@@ -55,14 +55,14 @@ def predictor_corrector(
         In [1, 65536].
     samples : tuple of int
         For each of the m <= 12 levels of recursion, the number of samples per pixel that check the
-        prediction: at most ``fail``; 0 keeps all predictions.
+        prediction, at most ``fail``; 0 keeps all predictions.
     fail : int
         Samples of a pixel without a prediction, at least 1.
     key : int or JAX key
         Key of the random samples.
     contrast : float, optional
-        In [0, 1]: a prediction p fails where abs(p - e) > contrast (p + e) in a colour channel, e the mean of
-        the checking samples.
+        In [0, 1]: a prediction p fails if abs(p - e) > contrast (p + e) in a colour channel, with the mean e
+        of the checking samples.
 
     Returns
     -------
@@ -71,8 +71,8 @@ def predictor_corrector(
 
     Notes
     -----
-    A pixel moves from its centre, by the displacement of the stored point on the screen. Moving the stored
-    points themselves, which lie anywhere in their pixels, would blur what stands still.
+    A pixel moves from its centre by the displacement of the stored point on the screen. Moving the stored
+    points themselves, which lie anywhere in their pixels, would blur still objects.
 
     References
     ----------

@@ -1,8 +1,8 @@
-"""Where time, lens and lights matter, conservatively: by bounding boxes of all that rays may meet.
+"""Conservative tests of whether time, lens and lights matter, by bounding boxes of all that rays may meet.
 
 Rays of a box of points form a beam from a box of origins, the lens, through a box in the plane of focus. At
-the part t of the way they are in a box whose sides are linear in t up to that plane, and beyond it: circles
-of confusion. The same holds for shafts from a light to visible points, in which objects cast shadows.
+the fraction t of the way they are in a box with sides linear in t up to that plane, and beyond it: circles of
+confusion. The same applies to shafts from a light to visible points, in which objects cast shadows.
 """
 
 from typing import Any, NamedTuple
@@ -26,14 +26,14 @@ _FAR = 1e15
 """Replaces infinity: its square is finite in float32."""
 
 _SLACK = 1e-5
-"""Boxes are enlarged by this part of their coordinates, to cover rounding."""
+"""Relative enlargement of boxes, to cover rounding."""
 
 _FEW = 16
 """Shapes of up to so many primitives have one box per primitive."""
 
 
 class Seen(NamedTuple):
-    """What boxes of points may meet."""
+    """Objects that boxes of points may meet."""
 
     anything: Array
     objects: Array
@@ -67,7 +67,7 @@ class _Shaft(NamedTuple):
 
 
 def find_seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
-    """Return what rays between opposite corners of boxes on the screen, (..., 2), may meet at any time."""
+    """Return what rays between opposite corners of screen boxes, (..., 2), may meet at any time."""
     dtype = low.dtype
     moving = [item for item in world.objects if item.moves]
     none = jnp.zeros(low.shape[:-1], bool)

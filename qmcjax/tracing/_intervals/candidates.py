@@ -1,8 +1,8 @@
-"""Candidates for visibility: a list of a few spans per ray, culled by how far the ray can see.
+"""Candidates for visibility: a short list of spans per ray, culled by the distance of sight.
 
-In a slot of the shutter that a span covers, nothing beyond the span is visible; nothing is searched beyond
-the farthest slot. This is the early-out culling of the thesis (Sect. 3.2.1), without the need for a single
-span that covers the whole shutter.
+In a slot of the shutter that a span covers, nothing beyond the span is visible, and the search ends at the
+farthest slot. This is the early-out culling of the thesis (Sect. 3.2.1), but does not need a single span that
+covers the whole shutter.
 """
 
 from functools import partial
@@ -43,11 +43,11 @@ class Candidates(NamedTuple):
 
 
 class RayState(NamedTuple):
-    """What is known of rays: what they may see, and how far."""
+    """The candidates of rays, and their distance of sight."""
 
     candidates: Candidates
     until: Array
-    """(n,): spans that start before are among the candidates, or hidden."""
+    """(n,): spans that start earlier are among the candidates, or hidden."""
     bound: Array
     """(slots, n): how far rays can see in each part of the shutter."""
     opened: Array
@@ -165,7 +165,7 @@ def _row(number: Any, a: Array) -> Array:
 def _insert(state: RayState, span: Spans, number: Array) -> RayState:
     """Insert spans, one per ray, in place of an empty one, a hidden one, or the last to start.
 
-    The span that starts last is dropped if there is no room: up to its start everything is known.
+    If there is no room, the span that starts last is dropped: up to its start everything is known.
     """
     (start, end, depth), candidates = span, state.candidates
     limit = state.bound.max(axis=0)

@@ -1,9 +1,9 @@
-"""Which span is nearest at which time: Watkins' scan line with time in place of x (thesis, Fig. 3.2).
+"""The nearest span at each time: Watkins' scan line algorithm with time instead of x (thesis, Fig. 3.2).
 
 Between events, where a span starts or ends, the set of spans is constant. One of them is the nearest up to
 the next event if its largest distance is below the smallest one of all others, or if the Bernstein
-coefficients of a polynomial have one sign. Else time is bisected, down to rounding; so crossings are found
-without roots of polynomials of degree five, and whatever is rounded, intervals follow one another.
+coefficients of a polynomial have one sign. Otherwise time is bisected, down to rounding. So crossings are
+found without roots of polynomials of degree five, and intervals are contiguous for any rounding.
 """
 
 from typing import NamedTuple
@@ -28,7 +28,7 @@ class Intervals(NamedTuple):
     number: Array
     """int32: -1 where there is no interval."""
     until: Array
-    """(n,): from when on more intervals may follow."""
+    """(n,): time from which more intervals may follow."""
 
 
 class _March(NamedTuple):
@@ -51,7 +51,7 @@ class _March(NamedTuple):
 
 
 def resolve(state: RayState) -> Intervals:
-    """Return which candidates are seen when."""
+    """Return the visible candidates over time."""
     spans = state.candidates
     count, rays = spans.start.shape
     closed = jnp.minimum(state.until, state.closed)
@@ -153,7 +153,7 @@ def _compare(spans: Candidates, there: Array, time: Array, end: Array) -> tuple[
     num, den, squared = (restrict(a, first, last) for a in (depth.num, depth.den, depth.squared))
     ends = [jnp.sqrt(jnp.maximum(squared[k], 0)) for k in (0, 2)]
     chord = jnp.stack([depth.side * (ends[0] + (ends[1] - ends[0]) * (k / 3)) for k in range(4)])
-    # Above its chord the root rises by no more than this, since its square is concave.
+    # The root rises above its chord by no more than this, since its square is concave.
     over = jnp.maximum(squared[1] - ends[0] * ends[1], 0)
     least = jnp.minimum(*ends)
     bulge = jnp.sqrt(0.5 * over)

@@ -1,9 +1,9 @@
-"""When a ray hits a linearly moving primitive, and at which distance (thesis, Sect. 3.2.1).
+"""Times and distances at which a ray hits a linearly moving primitive (thesis, Sect. 3.2.1).
 
-Seen along a ray, an edge that moves linearly sweeps a bilinear patch; the area between its ends and the ray
-is a quadratic of time, and the ray crosses the patch at its roots. So a polygon is hit while all its
-quadratics have one sign, and a sphere while three are positive: the squared half chord, how far the origin
-is outside, and minus the distance to the foot of the centre.
+Seen along a ray, an edge that moves linearly sweeps a bilinear patch. The area between its ends and the ray
+is a quadratic in time, and the ray crosses the patch at its roots. So a polygon is hit while all its
+quadratics have the same sign, and a sphere while three are positive: the squared half chord, the distance of
+the origin outside, and minus the distance to the foot of the centre.
 
 Polynomials on [0, 1] are in Bernstein form, with coefficients along the first axis of arrays: values lie
 between the smallest and the largest coefficient.
@@ -58,9 +58,9 @@ def _binomials(degree: int, like: Array) -> Array:
 def crossings(a: Array) -> tuple[Array, Array, Array]:
     """Return where quadratics change sign in (0, 1), in order, and their signs before that.
 
-    ``r = s / (1 - s)`` is a root of ``a[0] + 2 a[1] r + a[2] r^2``, with the coefficients as they are, and s
-    is a quotient of numbers of the same sign: nothing cancels [1]_ except a discriminant near 0, and the
-    degree may drop. Signs agree with the roots returned: after all of them the sign is that of ``a[2]``.
+    ``r = s / (1 - s)`` is a root of ``a[0] + 2 a[1] r + a[2] r^2``, with unchanged coefficients, and s is a
+    quotient of numbers of the same sign: nothing cancels [1]_ except a discriminant near 0, and the degree
+    may drop. Signs agree with the returned roots: after all of them the sign is that of ``a[2]``.
 
     Returns
     -------
@@ -141,8 +141,8 @@ class Polygons(NamedTuple):
     def seen(self, row: Any, view: ShearedRays) -> tuple[Vector, Array]:
         """Return vertices relative to rays, components (2, corners, n), and which rays may hit them.
 
-        All vertices are computed by the same instructions in one loop: those that polygons share have the
-        same bits in all of them.
+        The same instructions in one loop compute all vertices: shared vertices have the same bits in all
+        polygons.
         """
         corners = minus(
             each(lambda v: v[:, :, None], components(self.vertices[row])),
@@ -257,7 +257,7 @@ def _spread(a: Array, count: int) -> Array:
 
 
 def _time(share: Array, begin: Array, finish: Array) -> Array:
-    """Return times; ends of segments are exact, so that spans continue in the next segment."""
+    """Return times; ends of segments are exact, so spans continue in the next segment."""
     inner = begin + share * (finish - begin)
     return jnp.where(share <= 0, begin, jnp.where(share >= 1, finish, jnp.minimum(inner, finish)))
 
@@ -272,8 +272,8 @@ def _area(px: Array, py: Array, qx: Array, qy: Array) -> Array:
 def _edges(x: Array, y: Array) -> Array:
     """Return the quadratics of the edges of polygons, (3, corners, n).
 
-    The ends of an edge are sorted first: polygons that share it compute the same roots, whatever products
-    become fused multiply-adds, and no gap in time opens between them.
+    The ends of an edge are sorted first: polygons that share it compute the same roots, for any fused
+    multiply-adds, and no gap in time opens between them.
     """
     after = [jnp.roll(a, -1, axis=1) for a in (x, y)]
     more, same = jnp.zeros(x.shape[1:], bool), jnp.ones(x.shape[1:], bool)

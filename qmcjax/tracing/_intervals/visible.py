@@ -1,4 +1,4 @@
-"""Exact visibility in time, without samples of it, of worlds that move linearly."""
+"""Exact visibility in time, without sampling, for worlds that move linearly."""
 
 from typing import Any, NamedTuple
 
@@ -43,7 +43,7 @@ class SplitWorld(NamedTuple):
 
 
 def split_world(world: World) -> SplitWorld:
-    """Split a world, or raise a TypeError where visibility in time is not exact."""
+    """Split a world, or raise a TypeError if visibility in time is not exact."""
     still, still_numbers = [], [np.zeros(0, np.int32)]
     kinds: dict[Any, list[Batch]] = {}
     for place, (item, start) in enumerate(world.numbered()):
@@ -151,7 +151,7 @@ def _balls(shape: Sphere, frame: Frame | None, moments: Array) -> Balls:
 
 
 TILE = 32
-"""Rays tested together: a candidate of one of them is tested for all, and all wait for the last."""
+"""Rays tested together: a candidate of one ray is tested for all, and all wait for the slowest."""
 
 
 class VisibleIntervals(NamedTuple):
@@ -165,7 +165,7 @@ class VisibleIntervals(NamedTuple):
     """int32 (..., k): the number of the primitive; -1 where an interval is unused: then its start and end are
     the end of the shutter."""
     until: Array
-    """(...): everything is known before this time, the end of the shutter unless intervals do not fit."""
+    """(...): everything before this time is known; the end of the shutter unless intervals do not fit."""
 
 
 def visible_intervals(
@@ -178,18 +178,18 @@ def visible_intervals(
 ) -> VisibleIntervals:
     """Find the visible primitive of each ray at all times, exactly.
 
-    There is no interval while nothing is hit. Intervals that touch are of different primitives.
+    There is no interval while nothing is hit. Adjacent intervals belong to different primitives.
 
     Parameters
     ----------
     world : World
         Moving objects must move linearly: triangles with ``close``; triangles, rectangles and boxes with a
         motion that has ``knots``, times between which it is linear (see `motion.linear_segments` and
-        `motion.straightened`); spheres that do not rotate. Still objects may be anything.
+        `motion.straightened`); spheres that do not rotate. Still objects may have any shape.
     origin, direction : float ArrayLike, shape (..., 3)
         Of rays that do not move. Directions need not be normalized.
     intervals : int, optional
-        Maximum number of intervals per ray, in [1, 256]: of candidates, and of visible ones.
+        Maximum number of intervals per ray, in [1, 256], for candidates and for visible ones.
     shutter : (float, float), optional
         When it opens and closes, in [0, 1]. If both are equal, the interval of a hit has length 0.
 
@@ -201,16 +201,16 @@ def visible_intervals(
     Raises
     ------
     ValueError
-        Also if ``intervals`` is too small for a ray. This is not known while a program is traced: then check
-        ``until``.
+        Also if ``intervals`` is too small for a ray. While a program is traced this is unknown: check
+        ``until`` then.
 
     Notes
     -----
-    An edge of a triangle crosses a ray at the roots of a quadratic, which are backward stable: they are exact
-    for vertices perturbed by a few units of rounding, so those of an edge that only grazes the ray are less
-    accurate. Triangles that share an edge agree on them bit by bit; gaps, of a few units of rounding, occur
-    only where a ray goes through a vertex. A ray along the patch that an edge sweeps hits it. Where depths
-    cross, times are bisected. Unlike :func:`nearest_hit`, an origin on a moving object hits it.
+    An edge of a triangle crosses a ray at the roots of a quadratic. These are backward stable: they are exact
+    for vertices perturbed by a few units of rounding, so they are less accurate if the edge only grazes the
+    ray. Triangles that share an edge agree on them bit by bit; gaps, of a few units of rounding, occur only
+    where a ray goes through a vertex. A ray along the patch that an edge sweeps hits it. Where depths cross,
+    times are bisected. Unlike in :func:`nearest_hit`, a ray that starts on a moving object hits it.
 
     References
     ----------
@@ -262,7 +262,7 @@ def find_intervals(
         number = jnp.where(number < 0, -1, jnp.asarray(taken.numbers)[number])
     squared = dot(direction, direction)
     good = jnp.isfinite(dot(origin, origin)) & jnp.isfinite(squared) & (squared > 0)
-    # Rays without a hit get no distance of sight; not NaN, which would break comparisons.
+    # Rays without a hit have no distance of sight, but not NaN, which would break comparisons.
     distance = jnp.where(good, distance, -jnp.inf)
     origin, direction = keep(good, origin), keep(good, direction)
 

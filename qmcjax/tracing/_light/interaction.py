@@ -1,4 +1,4 @@
-"""Surface interactions: the surface that a ray hits, its material, and light that reaches or leaves it."""
+"""Surface interactions: the surface that a ray hits, its material, incoming and outgoing light."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -23,7 +23,7 @@ Kind = TypeVar("Kind", bound=Light)
 
 
 class Choice(NamedTuple):
-    """Coordinates that choose a point on a light; None where there is nothing to choose."""
+    """Coordinates that choose a point on a light; None if there is nothing to choose."""
 
     light: Array | None = None
     u: Array | None = None
@@ -40,7 +40,7 @@ class Choice(NamedTuple):
 
 
 def choose(coordinate: Array | None, count: int, like: Array) -> Array:
-    """Return which of several things a coordinate chooses, all equally likely; 0 without a choice."""
+    """Return the number that a coordinate chooses among equally likely ones; 0 without a choice."""
     if coordinate is None:
         return jnp.zeros_like(like, jnp.int32)
     return jnp.minimum((coordinate * count).astype(jnp.int32), count - 1)
@@ -53,7 +53,7 @@ def choice_needs(world: World) -> tuple[str, ...]:
 
 
 def sample_lights(world: World, choice: Choice, point: Vector, normal: Vector) -> Sample:
-    """Return light that may reach points, divided by the probability of its light."""
+    """Return samples of light that may reach points, divided by the probability of the chosen light."""
     count = len(world.lights)
     zero = jnp.zeros_like(point[0])
     number = choice.number(world, zero)
@@ -104,7 +104,7 @@ def emitted_towards(
 
 
 def by_kind(lights: Sequence[Kind], number: Array) -> Iterator[tuple[Kind, Array, Array]]:
-    """Yield the lights of each kind as one batch, their rows, and whether the batch has the chosen light."""
+    """Yield the lights of each kind as one batch, their rows, and whether it has the chosen light."""
     kinds: dict[Any, list[int]] = {}
     for place, light in enumerate(lights):
         kinds.setdefault(type(light), []).append(place)
@@ -141,7 +141,7 @@ def interact(
 
 
 def surface(world: World, at: Intersection, time: Array) -> Surface:
-    """Return the surface at each hit; all its values are 0 where nothing, or a light, is hit."""
+    """Return the surface at each hit; all values are 0 if nothing, or a light, is hit."""
     textured = [_is_textured(item.material) for item, _ in world.numbered()]
     number = at.number
     u, v = coordinates(world, textured, number, time, at.inside)
@@ -184,23 +184,23 @@ def any_of(color: Vector) -> Array:
 
 
 def has_random_lobes(world: World) -> bool:
-    """Whether any surface scatters light in random directions."""
+    """Return whether any surface scatters light in random directions."""
     return any(kind.diffuse is not None or kind.glossy is not None for kind in surface_kinds(*world.objects))
 
 
 def has_two_lobes(world: World) -> bool:
-    """Whether any surface has two lobes."""
+    """Return whether any surface has two lobes."""
     return any(kind.diffuse is not None and kind.glossy is not None for kind in surface_kinds(*world.objects))
 
 
 def surface_kinds(*objects: Object) -> list[Surface]:
-    """Return which components the surfaces of objects may have; None is for those they never have."""
+    """Return the components that the surfaces of objects may have; None for those they never have."""
     number = jax.ShapeDtypeStruct((1,), jnp.float32)
     return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
 
 
 def _is_textured(material: Any) -> bool:
-    """Whether a material may depend on coordinates."""
+    """Return whether a material may depend on coordinates."""
     return material is not None and getattr(unwrap(material), "textured", True)
 
 

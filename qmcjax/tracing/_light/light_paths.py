@@ -31,7 +31,7 @@ _LARGE = 1e9
 
 
 class Emission(NamedTuple):
-    """Coordinates that choose an emitted ray; None where there is nothing to choose."""
+    """Coordinates that choose an emitted ray; None if there is nothing to choose."""
 
     light: Array | None
     u: Array | None
@@ -66,12 +66,12 @@ class Vertex(NamedTuple):
 
 
 def emitters(world: World) -> list[Source]:
-    """Return the lights at which paths begin."""
+    """Return the lights at which paths start."""
     return [light for light in world.lights if isinstance(light, Source)]
 
 
 def emission_needs(world: World, vertices: int) -> tuple[str, ...]:
-    """Return the names of the coordinates of light paths with so many surfaces."""
+    """Return the names of the coordinates of light paths with this many surfaces."""
     lights = emitters(world)
     if not lights or not vertices:
         return ()
@@ -125,7 +125,7 @@ def square(ratio: Array) -> Array:
 
 
 def cut(squares: Array) -> Array:
-    """Return sums of squares, clamped so that none is infinite and no product with 0 is NaN."""
+    """Return sums of squares, clamped to be finite, so no product with 0 is NaN."""
     return jnp.minimum(squares, _LARGE * _LARGE)
 
 

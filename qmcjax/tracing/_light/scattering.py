@@ -1,7 +1,7 @@
 """Scattering at a surface: Lambertian, microfacets, or both; evaluation, and sampling of the next direction.
 
-Directions and densities treat the material as a constant: "detached sampling" [1]_. Directions that move with
-the roughness cross visibility edges, and derivatives of samples miss that.
+Directions and densities treat the material as constant: "detached sampling" [1]_. Directions that move with
+the roughness would cross visibility edges, which derivatives of samples miss.
 
 References
 ----------
@@ -146,7 +146,7 @@ def _visible(alpha: Any, out: Vector, u: Any, v: Any) -> Vector:
 
 
 class Turn(NamedTuple):
-    """Coordinates that choose a direction; None where nothing is random."""
+    """Coordinates that choose a direction; None if nothing is random."""
 
     u: Array | None = None
     v: Array | None = None
@@ -165,7 +165,7 @@ def turn_needs(world: World, name: str) -> tuple[str, ...]:
 
 
 def bounce_needs(world: World, bounces: int, roulette: int | None = None) -> tuple[str, ...]:
-    """Return the names of the coordinates of paths with so many bounces: of lights, and of each bounce."""
+    """Return the names of the coordinates of paths: of lights, and of each bounce."""
     choice = choice_needs(world)
     needs = list(choice)
     for k in range(1, bounces + 1):
@@ -182,9 +182,9 @@ def reflect_lights(
     time: Array,
     gain: Callable[[Sample, Vector, Array], Vector],
 ) -> Vector:
-    """Return the light of lights that surfaces scatter back along their rays.
+    """Return the direct light that surfaces scatter back along their rays.
 
-    ``gain`` returns it, if nothing blocks it, by the sample of a light and by what :func:`evaluate` returns.
+    ``gain`` computes it, if unoccluded, from the sample of a light and the result of :func:`evaluate`.
     """
     if not world.lights:
         return each(jnp.zeros_like, at.normal)

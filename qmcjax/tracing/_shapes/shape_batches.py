@@ -9,14 +9,14 @@ from jax import Array
 from qmcjax.tracing._shapes.vectors import Vector, components, dot, minus, unit
 
 SLACK = 16
-"""An origin within so many units of rounding of a surface is taken to lie on it."""
+"""Origins within this many units of rounding of a surface are considered to be on it."""
 
 
 class Rays(NamedTuple):
     """Rays in object space, all components of one shape.
 
     A ray that starts on a surface, within rounding, does not hit it there again, except where the surface
-    curves back. The tolerance is ``slack`` plus as much for the coordinates of the primitive.
+    curves back. The tolerance is ``slack`` plus the same for the coordinates of the primitive.
     """
 
     origin: Vector
@@ -25,7 +25,7 @@ class Rays(NamedTuple):
     squared: Any
     """Squared length of the direction."""
     slack: Any
-    """``SLACK`` units of rounding of the largest coordinate; infinite for rays that hit nothing."""
+    """``SLACK`` units of rounding of the largest coordinate; infinite for rays that cannot hit anything."""
 
 
 def rounding(scale: Any) -> Any:
@@ -68,7 +68,7 @@ class Shape(ABC):
         return self
 
     def prepare(self, rays: Rays) -> Any:
-        """Return what the tests of all primitives against the same rays share; by default the rays."""
+        """Return the data shared by tests of all primitives against the same rays, by default the rays."""
         return rays
 
     @abstractmethod
@@ -91,7 +91,7 @@ class Shape(ABC):
 
     @abstractmethod
     def coordinates(self, number: Any, point: Vector, time: Any) -> tuple[Array, Array]:
-        """Return (u, v) of points of the surface, for textures; in [0, 1] but for planes."""
+        """Return (u, v) of points of the surface, for textures; in [0, 1] except for planes."""
 
     @abstractmethod
     def bounds(self, time: float) -> tuple[Array, Array]:
@@ -112,7 +112,7 @@ def first(near: Any, far: Any, rays: Rays, slack: Any) -> Array:
 
 
 def ahead(distance: Any, rays: Rays, slack: Any) -> Array:
-    """Whether a distance is that of a hit: above 0, and above rounding."""
+    """Return whether a distance is that of a hit: above 0, and above rounding."""
     return (distance > 0) & (distance * distance * rays.squared > slack * slack)
 
 

@@ -1,8 +1,8 @@
-"""Triangles, still or with vertices that move, and surface area trees over them.
+"""Triangles, still or with moving vertices, and surface area heuristic (SAH) trees over them.
 
-A tree stores no boxes: a program computes them from the vertices it gets, in its precision. Minima and maxima
-are exact, so vertices that are replaced, by hand or by an optimiser, are hit where they are; only the search
-may become slower.
+A tree stores no boxes: a program computes them from its vertices, in its precision. Minima and maxima are
+exact, so vertices replaced by hand or by an optimiser are hit at their new positions; only the search may
+become slower.
 """
 
 from typing import Any, NamedTuple
@@ -30,7 +30,7 @@ from qmcjax.tracing._shapes.vectors import (
 )
 
 WORTHWHILE = 48
-"""From so many triangles on, compiled traversal of their tree is faster than loops over all."""
+"""Number of triangles above which compiled traversal of their tree is faster than a loop over all."""
 
 LEAF = 4
 """Maximum number of triangles in a leaf; at least 2, so that there are fewer nodes than triangles."""
@@ -38,7 +38,7 @@ LEAF = 4
 _BINS = 16
 
 _DEEP = 32
-"""From this depth on, nodes are split in halves: no path has more than about 64 nodes."""
+"""Depth from which nodes are split in halves: no path has more than about 64 nodes."""
 
 _STEP = 1.0
 """Cost of visiting both children, in triangle tests."""
@@ -211,7 +211,7 @@ class Triangles(Shape):
     close: Any
     """(n, 3, 3): when it closes; None for still triangles. Vertices move on straight lines between."""
     tree: Any = None
-    """A tree over many triangles; None where a loop over all of them is as fast."""
+    """A tree over many triangles; None if a loop over all of them is as fast."""
 
     @property
     def moving(self) -> bool:
@@ -317,8 +317,8 @@ def shear_maps(direction: Vector) -> tuple[Vector, Vector, Vector]:
 def _origin_on(corner: Vector, one: Vector, other: Vector, slack: Any) -> Array:
     """Return whether origins are on triangles.
 
-    Near their planes is not enough: a ray in the plane of a triangle that starts beside it would pass it, and
-    then slip through the silhouette of a mesh.
+    Being near their planes is not enough: a ray in the plane of a triangle that starts beside it would miss
+    it, and then slip through the silhouette of a mesh.
     """
     scale, (one, other) = scaled(one, other)
     corner, slack, normal = times(scale, corner), scale * slack, cross(one, other)

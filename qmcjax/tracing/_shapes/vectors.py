@@ -1,7 +1,7 @@
 """Vectors of space as tuples of their three components.
 
-Arrays with a last axis of 3 do not fill the vector units of a processor; three arrays do, and computations
-with them fuse into one loop over rays.
+Arrays with a last axis of 3 do not fill SIMD registers; three arrays do, and computations with them fuse into
+one loop over rays.
 """
 
 from collections.abc import Callable
@@ -94,7 +94,7 @@ def scaled(*vectors: Vector) -> tuple[Array, list[Vector]]:
 
 
 def unit(a: Vector) -> Vector:
-    """Return vectors of length 1; zero vectors stay."""
+    """Return vectors of length 1; zero vectors stay zero."""
     squared = dot(a, a)
     return times(1 / jnp.sqrt(jnp.where(squared > 0, squared, 1)), a)
 
@@ -131,7 +131,7 @@ def duals(u: Vector, v: Vector) -> tuple[Vector, Vector]:
 
 
 def shares(start: Vector, u: Vector, v: Vector) -> tuple[Array, Array]:
-    """Return which parts of two edges make up a vector, beside its part along the normal."""
+    """Return the coefficients of two edges in a vector, apart from its component along the normal."""
     one, other = duals(u, v)
     return dot(start, one), dot(start, other)
 

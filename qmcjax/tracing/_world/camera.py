@@ -39,7 +39,7 @@ class Sight(NamedTuple):
     """Unit vectors."""
     time: Array
     number: Array | None = None
-    """int32: the primitives that are hit, see :func:`found`; None where they have to be searched."""
+    """int32: the primitives that are hit, see :func:`found`; None if they have to be searched."""
 
 
 class View(NamedTuple):
@@ -64,7 +64,7 @@ class Camera:
     fov: Any
     aspect: Any
     shutter: Any
-    """(open, close), or one time of a still picture."""
+    """(open, close), or the time of a still image."""
     aperture: Any
     focus: Any
     motion: Any
@@ -72,7 +72,7 @@ class Camera:
 
     @property
     def still(self) -> bool:
-        """Whether the shutter is open for no time."""
+        """Whether the shutter has no duration."""
         return np.ndim(self.shutter) == 0
 
     @property
@@ -125,8 +125,8 @@ class Camera:
     def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
         """Return the screen positions of points at some times, seen through the centre of the lens.
 
-        The result is (x, y) of :meth:`rays`, and the depth along the view, which is positive in front of the
-        camera. Points of weight 0 are directions: points at infinity.
+        The result is (x, y) of :meth:`rays`, and the depth along the view, positive in front of the camera.
+        Points of weight 0 are directions (points at infinity).
         """
         if not isinstance(point, tuple | list) or len(point) != 3:
             raise TypeError(f"point must be three components, got {checks.shown(point)}")
@@ -163,28 +163,28 @@ def camera(
     blades: int | None = None,
     motion: Callable[[Array], tuple[Array, Array]] | None = None,
 ) -> Camera:
-    """Make a camera: a pinhole or a thin lens. Its numbers may be traced.
+    """Make a camera, a pinhole or a thin lens. Its parameters may be traced.
 
     Parameters
     ----------
     position, target : float ArrayLike, shape (3,)
-        The point that the camera looks from, and the point at the centre of the image.
+        The point from which the camera looks, and the point at the centre of the image.
     up : float ArrayLike, shape (3,), optional
-        The upward direction in the image, not along the view.
+        The upward direction in the image, not parallel to the view.
     fov : float, optional
-        The angle between the lower and the upper edge of the image in degrees, in (0, 180).
+        The vertical field of view in degrees, in (0, 180).
     aspect : float, optional
         Width over height of the image, positive.
     shutter : (float, float) or float, optional
-        When it opens and closes, in [0, 1]. One number is the time of a still picture: scenes then have no
-        time coordinate.
+        When it opens and closes, in [0, 1]. One number is the time of a still image: scenes then have no time
+        coordinate.
     aperture : float, optional
         Radius of the lens, positive. By default the camera is a pinhole, and scenes have no lens coordinates.
     focus : float, optional
         Distance of the plane of focus from the lens along the view; by default that of the target.
     blades : int, optional
-        Sides of the aperture, a regular polygon inscribed in the circle of that radius; at least 3. Round by
-        default.
+        Number of sides of the aperture, a regular polygon inscribed in the circle of that radius, at least 3.
+        Round by default.
     motion : callable, optional
         From times, shape (...), to (matrix, translation), shapes (..., 3, 3) and (..., 3): a map of world
         space that moves the camera. See :func:`qmcjax.tracing.motion.affine`.
@@ -223,8 +223,8 @@ def camera(
 def _polygon(u: Any, v: Any, sides: int) -> tuple[Array, Array]:
     """Return points of the regular polygon inscribed in the unit circle, with a corner at (0, 1).
 
-    u goes around and v outward: the triangles of the sides get equal parts of u, and the layers of a triangle
-    an area in proportion to v.
+    u runs around and v outward: the triangles of the sides get equal parts of u, and the layers of a triangle
+    an area proportional to v.
     """
     place = u * sides
     side = jnp.floor(place)

@@ -1,4 +1,4 @@
-"""Objects of one kind of shape, and groups of them, from checked numbers."""
+"""Objects with one kind of shape, and groups of them, from checked arguments."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def sphere(center: ArrayLike, radius: ArrayLike, *, motion: Any = None, material
     ----------
     center : float ArrayLike, shape (3,) or (n, 3)
         Here and below, n primitives make one object. Numbers are finite and may be traced. In float32, keep
-        sizes between 1e-10 and 1e9: products of three lengths are computed.
+        sizes between 1e-10 and 1e9, since products of three lengths are computed.
     radius : float ArrayLike, shape () or (n,)
         Positive.
     motion : callable, optional
@@ -115,7 +115,7 @@ def cylinder(
     motion: Any = None,
     material: Any = None,
 ) -> Object:
-    """Make cylinders: their sides, then the discs at their bases, then those at their other ends.
+    """Make cylinders: first their sides, then the discs at their bases, then those at the other ends.
 
     Parameters
     ----------
@@ -159,26 +159,26 @@ def plane(point: ArrayLike, normal: ArrayLike, *, motion: Any = None, material: 
 def triangles(
     vertices: ArrayLike, close: ArrayLike | None = None, *, motion: Any = None, material: Any = None
 ) -> Object:
-    """Make triangles, visible from both sides: no ray slips between those that share vertices.
+    """Make triangles, visible from both sides and watertight: no ray slips between those that share vertices.
 
     Parameters
     ----------
     vertices : float ArrayLike, shape (n, 3, 3)
-        Triangle, vertex, coordinate; when the shutter opens. The normal is along (b - a) x (c - a). The area
-        must be above 1e-6 of the squared longest edge: below that, rounding to float32 leaves it unknown.
+        Axes are triangle, vertex, coordinate; when the shutter opens. The normal is along (b - a) x (c - a).
+        The area must be above 1e-6 of the squared longest edge; smaller ones are lost in float32 rounding.
     close : float ArrayLike, shape (n, 3, 3), optional
-        Vertices when the shutter closes; in between they move on straight lines. Still by default.
+        Vertices when the shutter closes; they move on straight lines. Still by default.
     motion, material : optional
         See :func:`sphere`.
 
     Notes
     -----
-    Vertices are shared if all their numbers are the same.
+    Vertices are shared if all their coordinates are equal.
 
-    Many triangles known before tracing get a tree. It takes a second for 80,000 triangles, and is traversed
-    by compiled loops on a processor with numba installed. Its integers are leaves of the world: take
-    gradients in whole worlds with ``allow_int=True``. Vertices that replace those of a world are hit where
-    they are, but more slowly if they are far from their place when the tree was built.
+    Many triangles known before tracing get a tree. Building takes a second for 80,000 triangles; on a CPU
+    with Numba installed, compiled loops traverse it. Its integers are leaves of the world: take gradients
+    with respect to whole worlds with ``allow_int=True``. If you replace the vertices of a world, rays hit the
+    new ones, but more slowly if they are far from those for which the tree was built.
 
     References
     ----------
@@ -192,12 +192,12 @@ def triangles(
 
 
 def group(parts: Any, *, motion: Any = None, material: Any = None) -> Object:
-    """Make one object of several, which move together and share a material.
+    """Combine several objects into one that moves as a whole and has one material.
 
     Parameters
     ----------
     parts : sequence of Object or Shape
-        At least one; objects without a motion or material.
+        At least one; objects must have neither motion nor material.
     motion, material : optional
         See :func:`sphere`.
 
@@ -230,7 +230,7 @@ def _object(shapes: Shape | tuple[Shape, ...], motion: Any, material: Any) -> Ob
 
 
 def _vectors(name: str, value: Any, count: int | None = None) -> tuple[Any, int]:
-    """Return vectors, shape (n, 3), and their number; a single one counts for all."""
+    """Return vectors, shape (n, 3), and their number; a single one is used for all."""
     single = axes(value) == 1
     array = numbers(name, value, (3,) if single else (count, 3))
     if single:
@@ -260,7 +260,7 @@ def _triangles(name: str, value: Any, count: int | None) -> Any:
 
 
 def _fat(u: Any, v: Any) -> Any:
-    """Whether edges span an area that is known in float32."""
+    """Return whether edges span an area that is known in float32."""
     u, v = np.asarray(u, np.float64), np.asarray(v, np.float64)
     area = np.linalg.norm(np.cross(u, v), axis=-1)
     longest = np.maximum(np.sum(u * u, axis=-1), np.sum(v * v, axis=-1))

@@ -48,7 +48,7 @@ class Sample(NamedTuple):
     density: Array
     """Per solid angle; inf for point lights."""
     slope: Array
-    """The cosine at the light, which determines the error of the distance; 1 where that is exact."""
+    """The cosine at the light, which determines the error of the distance; 1 if that is exact."""
 
 
 class Start(NamedTuple):
@@ -78,16 +78,16 @@ class Light(ABC):
         """Return a sample of one light for each point."""
 
     def density(self, number: Array, point: Vector, normal: Vector, incoming: Vector, hit: Vector) -> Array:
-        """Return the density of directions that hit the light anywhere; 0 for lights without extent."""
+        """Return the density of directions that hit the light; 0 for lights without extent."""
         return jnp.zeros_like(point[0])
 
     def emitted(self, number: Array) -> Vector:
-        """Return radiance: of points that rays hit, to the side of the normal."""
+        """Return the radiance of points that rays hit, on the side of the normal."""
         return row(self.radiance, number)
 
 
 class Source(Light):
-    """A light with a position, at which paths may begin."""
+    """A light with a position, where paths may start."""
 
     @abstractmethod
     def start(self, number: Array, u: Any, v: Any, way_u: Any, way_v: Any) -> Start:
@@ -259,17 +259,17 @@ def point_light(position: ArrayLike, intensity: ArrayLike) -> PointLight:
     ----------
     position : float ArrayLike, shape (3,)
     intensity : float ArrayLike, shape () or (3,)
-        Radiant intensity, not negative: a surface at distance d facing the light gets irradiance intensity /
-        d^2.
+        Radiant intensity, not negative: a surface at distance d facing the light receives irradiance
+        intensity / d^2.
     """
     return PointLight(numbers("position", position, (3,)), _radiance("intensity", intensity))
 
 
 def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> SphereLight:
-    """Make a spherical light that emits outward and reflects nothing.
+    """Make a spherical light that emits outward and does not reflect.
 
-    Points on it are sampled uniformly in its cone of directions. It is black from inside; a sphere with an
-    :func:`emitter` as its material emits to both sides.
+    It is sampled uniformly over its cone of directions. It is black from inside; a sphere with an
+    :func:`emitter` as material emits to both sides.
 
     Parameters
     ----------
@@ -287,9 +287,9 @@ def sphere_light(center: ArrayLike, radius: ArrayLike, radiance: ArrayLike) -> S
 def rectangle_light(
     corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, radiance: ArrayLike
 ) -> RectangleLight:
-    """Make a rectangular light, or parallelogram, that emits from one side and reflects nothing.
+    """Make a rectangular light, or parallelogram, that emits from one side and does not reflect.
 
-    Points on it are sampled uniformly by area.
+    It is sampled uniformly by area.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class Pattern:
         return where(first, *colors)
 
     def first(self, u: Array, v: Array, scale: Array) -> Array:
-        """Return where the first colour is."""
+        """Return where the pattern has its first colour."""
         return _even(u * scale[0]) == _even(v * scale[1])
 
 
@@ -75,7 +75,7 @@ def checker(
     *,
     motion: Callable[[Array], tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Pattern:
-    """Make a texture, for the colour of a material: a checkerboard over the coordinates (u, v) of a shape.
+    """Make a checkerboard texture over the coordinates (u, v) of a shape, for the colour of a material.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def stripes(
     *,
     motion: Callable[[Array], tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Stripes:
-    """Make a texture, for the colour of a material: stripes along u over the coordinates (u, v) of a shape.
+    """Make a texture of stripes along u over the coordinates (u, v) of a shape, for the colour of a material.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def _pattern(one: Any, other: Any, scale: Any, motion: Any) -> tuple[Any, Any, A
 
 
 class Surface(NamedTuple):
-    """The properties of a material at points: colours are three components; None if it never has them."""
+    """The properties of a material at points: colours have three components; None if it never has them."""
 
     diffuse: Vector | None = None
     """Reflectance of a Lambertian surface."""
@@ -151,7 +151,7 @@ class Surface(NamedTuple):
     roughness: Any = None
     """The width alpha of their distribution, in (0, 1]; given with ``glossy``."""
     mirror: Vector | None = None
-    """Reflectance of a perfect mirror. Where it is not 0, nothing else counts."""
+    """Reflectance of a perfect mirror. Where it is not 0, other properties are ignored."""
     emission: Vector | None = None
     """Radiance emitted to both sides."""
 
@@ -174,7 +174,7 @@ class Material(ABC):
     def at(self, u: Array, v: Array, time: Array) -> Surface:
         """Return the surface at coordinates of a shape and times, all of shape (n,).
 
-        Components have that shape, or () where they do not depend on coordinates and time.
+        Components have that shape, or () if they do not depend on coordinates and time.
         """
 
 
@@ -265,7 +265,7 @@ def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | An
     roughness : float
         The width alpha of the distribution of slopes, in [0.01, 1].
     diffuse : float ArrayLike, shape () or (3,), or texture, optional
-        A Lambertian part that is added, in [0, 1]. The sum is not made to conserve energy.
+        A Lambertian part to add, in [0, 1]. The sum need not conserve energy.
 
     References
     ----------
@@ -280,7 +280,7 @@ def glossy(color: ArrayLike | Any, roughness: ArrayLike, diffuse: ArrayLike | An
 def emitter(radiance: ArrayLike | Any) -> Emitter:
     """Make the material of a surface that emits uniformly in all directions, on both sides.
 
-    Only rays that hit it find its light. To sample a light, use a light such as
+    Only rays that hit the surface find its light. To sample it, use a light such as
     :func:`qmcjax.tracing.rectangle_light`.
 
     Parameters

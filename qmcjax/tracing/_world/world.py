@@ -27,7 +27,7 @@ class World:
 
     @property
     def parts(self) -> tuple[Object, ...]:
-        """Return everything that rays can hit: the objects, then one for each light with an extent."""
+        """Return everything that rays can hit: the objects, then one object for each light with an extent."""
         lights = (light.object() for light in self.lights)
         return (*self.objects, *(item for item in lights if item is not None))
 
@@ -44,9 +44,9 @@ class World:
 
 
 def merge_kinds(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
-    """Merge shapes of each kind into one, and return which of the given ones it consists of.
+    """Merge shapes of each kind into one, and return the numbers of those it consists of.
 
-    A program for one batch of many primitives is shorter and faster than one for many small batches.
+    A program for one batch of many primitives is shorter and faster than for many small batches.
     """
     shapes = [shape.alone() for shape in shapes]
     kinds: dict[Any, list[int]] = {}
@@ -59,7 +59,7 @@ def merge_kinds(shapes: Sequence[Shape]) -> list[tuple[Shape, list[int]]]:
 
 
 def with_shapes(world: World, change: Callable[[Shape], Shape]) -> World:
-    """Return a world with other shapes, made of its own."""
+    """Return a world with changed shapes."""
     objects = (Object(tuple(map(change, item.shapes)), item.motion, item.material) for item in world.objects)
     return World(tuple(objects), world.lights)
 
@@ -84,7 +84,8 @@ def world(objects: Any, lights: Any = ()) -> World:
     Returns
     -------
     World
-        A pytree: its numbers may be traced and differentiated. ``world.count`` is the number of primitives.
+        A pytree: its parameters may be traced and differentiated. ``world.count`` is the number of
+        primitives.
 
     Examples
     --------

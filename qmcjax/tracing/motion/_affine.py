@@ -1,4 +1,4 @@
-"""Affine motion: rotation, scale and translation, put together and taken apart."""
+"""Affine motion: composition and decomposition of rotation, scale and translation."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ class Affine:
 
     @property
     def knots(self) -> Any:
-        """Times between which all points move linearly, shape (k,); None where they do not.
+        """Times between which all points move linearly, shape (k,); None if they do not.
 
-        They do if the matrix is constant, and the translation constant or a path with knots.
+        They do if the matrix is constant, and the translation is constant or a path with knots.
         """
         path = unwrap(self.translation)
         if callable(unwrap(self.matrix)):
@@ -56,8 +56,8 @@ class Affine:
     def reach(self, low: Array, high: Array) -> tuple[Array, Array]:
         """Return a box, (3,) and (3,), that contains the image of another box at all times in [0, 1].
 
-        Paths of points are bounded by their ``bounds()``, paths of matrices by their ``reach(low, high)``;
-        rotations keep points in a ball. Other paths have no known bound: the box is all of space.
+        ``bounds()`` of a path bounds its points, and ``reach(low, high)`` its matrices; rotations keep points
+        in a ball. Other paths have no known bound: the box is the whole space.
         """
         low, high = (floats(name, end, (3,), finite=False) for name, end in (("low", low), ("high", high)))
         path = unwrap(self.matrix)

@@ -1,11 +1,11 @@
 """Rational curves by arc length, with an error bound.
 
-A curve is cut into Bezier pieces, and these in halves until the length of each is known within rounding:
-where the speed is analytic around a piece by Gauss-Legendre quadrature, with an error bound [1]_, else
-between its chord and its control polygon: no weight is negative, so halving cuts corners, which shortens the
-polygon, and its limit is the curve [2]_. A piece is stored as weights and differences of control points.
-Differences of halves are sums of parts of the differences: their total rounding error is proportional to the
-length of the polygon, however much weights differ.
+A curve is cut into Bezier pieces, and these into halves until the length of each is known within rounding. If
+the speed is analytic around a piece, Gauss-Legendre quadrature gives the length, with an error bound [1]_;
+otherwise it is between the chord and the control polygon. No weight is negative, so halving cuts corners,
+which shortens the polygon, and its limit is the curve [2]_. A piece is stored as weights and differences of
+control points. Differences of halves are sums of parts of the differences: their total rounding error is
+proportional to the length of the polygon, for any weights.
 
 References
 ----------
@@ -49,12 +49,12 @@ class ArcLength:
     """Of the whole curve."""
 
     bound: float = field(metadata={"static": True})
-    """Maximum distance of a point from that of the curve at the same part of its length."""
+    """Maximum distance of a point from that of the curve at the same fraction of its length."""
 
     def __call__(self, part: ArrayLike) -> Array:
-        """Return points (..., d) by the part of the curve's length that is travelled, in constant time.
+        """Return points (..., d) by the travelled fraction of the curve's length, in constant time.
 
-        ``part`` has shape (...), is clamped to [0, 1] and gives the dtype.
+        ``part`` has shape (...), is clamped to [0, 1] and determines the dtype.
         """
         part = floats("part", part)
         points = cast(self.points, part.dtype)
@@ -80,7 +80,7 @@ class _Pieces(NamedTuple):
     weights: NDArray[Any]
     """(n, degree + 1)."""
     smooth: NDArray[Any]
-    """Whether quadrature gives the length of the piece, and of each part of it."""
+    """Whether quadrature gives the length of the piece and of each part of it."""
 
     def rows(self, which: NDArray) -> "_Pieces":
         """Return some pieces, with weights up to 1."""
@@ -93,8 +93,8 @@ def by_arc_length(
 ) -> ArcLength:
     """Divide a rational B-spline into segments of equal arc length.
 
-    A point of an arc of length h and the point of its chord c at the same part are at most
-    ``sqrt(h**2 - c**2) / 2`` apart: at the part a, Stewart's theorem bounds the squared distance by
+    A point of an arc of length h and the point of its chord c at the same fraction are at most
+    ``sqrt(h**2 - c**2) / 2`` apart: at the fraction a, Stewart's theorem bounds the squared distance by
     ``a (1 - a) (h**2 - c**2)``, since no point of the arc is farther from an end than along the arc.
     """
     segments = checks.integer("segments", segments, 1, 2**16)
@@ -169,7 +169,7 @@ def _shares(before: NDArray, after: NDArray) -> tuple[NDArray[np.float64], NDArr
 
 
 def _divide(pieces: _Pieces) -> tuple[_Pieces, float]:
-    """Halve pieces until all are smooth, or of no length, and bound what rounding does to the length.
+    """Halve pieces until all are smooth, or of length 0, and bound the rounding error of the length.
 
     Weights of pieces that are halved k times have a relative error of ``k (degree + 1)`` roundings, their
     shares twice that, and each of the ``degree`` rows of the algorithm adds as much times the polygon.

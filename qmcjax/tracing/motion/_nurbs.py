@@ -66,9 +66,9 @@ class Nurbs:
         Returns
         -------
         ArcLength
-            From the part of the curve's length that is travelled, in [0, 1], to a point. ``length`` is the
-            total length. ``bound``, which holds for all weights, bounds the distance to the point of the
-            curve at the same part of its length, and the error of ``length``.
+            From the travelled fraction of the curve's length, in [0, 1], to a point. ``length`` is the total
+            length. ``bound``, valid for all weights, bounds the distance to the point of the curve at the
+            same fraction of its length, and the error of ``length``.
 
         Raises
         ------
@@ -117,8 +117,8 @@ def nurbs(control: Any, weights: Any, knots: Any, degree: int) -> Nurbs:
     control : float ArrayLike, shape (n + 1, d)
         Control points. May be traced, as may the weights.
     weights : float ArrayLike, shape (n + 1,), optional
-        Not negative. A weight of zero disables its control point; of those that the curve depends on at
-        a knot, one must be positive. All one by default: a B-spline.
+        Not negative. A weight of zero disables its control point; at each knot, one of the weights that the
+        curve depends on must be positive. All 1 by default: a B-spline.
     knots : float ArrayLike, shape (n + degree + 2,)
         Nondecreasing, the first and the last ``degree + 1`` of them equal: the curve begins at the first and
         ends at the last control point. Inner knots have multiplicities up to ``degree``; at a knot of full

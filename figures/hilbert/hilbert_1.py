@@ -65,11 +65,11 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
     sides = COUNTED[quality]
-    figure = Figure(figsize=(15, 10), layout="constrained")
-    panels = figure.subplots(2, 3)
-    histogram, variants = panels[:, 2]
+    figure = Figure(figsize=(15, 9), layout="constrained")
+    panels = figure.subplot_mosaic("abe;cde")
+    histogram = panels["e"]
     measured = {}
-    for k, (name, axes) in enumerate(zip(CURVES, panels[:, :2].ravel(), strict=True)):
+    for k, (name, axes) in enumerate(zip(CURVES, [panels[place] for place in "abcd"], strict=True)):
         _draw_curve(axes, square(name, *SHOWN), name)
         measured[name] = _measure(square(name, *sides))
         found = {title: _uniformity(square(name, *UNIFORM), points) for title, points in SEQUENCES.items()}
@@ -90,7 +90,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     histogram.legend(loc="upper left")
     measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
-    measured["maxima of the 512 variants of the Peano curve"] = _draw_variants(variants)
+    measured["maxima of the 512 variants of the Peano curve"] = _count_variants()
     write_title(
         figure,
         "No curve has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
@@ -170,9 +170,6 @@ def _claims(measured: dict) -> Claims:
             for title, mean in measured[name][MEAN].items()
         },
     }
-
-
-VARIANTS = 2**9
 
 
 class Part(NamedTuple):
@@ -258,17 +255,7 @@ def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
     axes.spines[:].set_visible(False)
 
 
-def _draw_variants(axes: Axes) -> dict[str, int]:
-    maxima = [
-        int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in peano_variants(VARIANT_DIGITS)
-    ]
-    counts = _histogram(maxima)
-    axes.bar_label(axes.bar([int(v) for v in counts], list(counts.values()), 0.6, color="0.6"))
-    axes.set(
-        xlabel="maximum of the segments in interior 3x3 neighbourhoods",
-        ylabel="number of curves",
-        title=f"{VARIANTS} Peano curves with transposed parts, 27 x 27 pixels",
-        xlim=(0.4, 5.6),
-        xticks=range(1, 6),
-    )
-    return counts
+def _count_variants() -> dict[str, int]:
+    """Count the variants of the Peano curve by their maximum."""
+    curves = peano_variants(VARIANT_DIGITS)
+    return _histogram([int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in curves])

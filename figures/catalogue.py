@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
-    """A figure; what is true of it is said at `OUR_SCENE`, `TIMED` and `LONG`."""
+    """A figure; `OUR_SCENE`, `TIMED` and `LONG` explain its flags."""
 
     module: str
     title: str
@@ -132,7 +132,7 @@ TITLES = {
     "z-12": "Hashing and large tables are alike, a single letter hinders convergence",
     "z-table-1": "From 4 samples per pixel on, the global Sobol' sequence is slower than Z",
 }
-"""What figures are called below their names."""
+"""What a reader learns from each figure, where a stored finding says it; else what is shown."""
 
 OUR_SCENE = frozenset(
     """
@@ -141,7 +141,7 @@ OUR_SCENE = frozenset(
     hilbert-5 z-1 z-3 z-9 z-10 z-11 z-12 z-table-1
     """.split()
 )
-"""Those of a scene that stands in for that of the paper, which is not published."""
+"""Figures whose scene stands in for the paper's, which is not published."""
 
 TIMED = frozenset(
     """
@@ -149,10 +149,10 @@ TIMED = frozenset(
     mitsuba-samplers skipping speed scale thesis-4.1.3 z-table-1
     """.split()
 )
-"""Those that measure time: in paper quality nothing runs beside them."""
+"""Figures that measure time: in paper quality nothing runs beside them."""
 
 LONG = frozenset("thesis-6.8 intervals hilbert-5 z-11 z-12".split())
-"""Among the longest in paper quality: begun first, they are not what the rest waits for."""
+"""Among the longest in paper quality: they start first, so that nothing waits for them."""
 
 
 MODULES = {
@@ -186,11 +186,11 @@ MODULES = {
     "z.nodes": "z-5 z-7",
     "z.rendered_scenes": "z-9 z-10",
 }
-"""Modules not called as their figure, and what they make: of several, each by the function of its name."""
+"""Modules not named after their figure, and their figures; of several, each has a function of its name."""
 
 
 def _module(name: str) -> str:
-    """Return the module that makes a figure, in the package of its paper or of our own, and its function."""
+    """Return the module and function that make a figure, in the package of its paper or of ours."""
     paper, function = name.partition("-")[0], re.sub("[-.]", "_", name)
     for module, names in MODULES.items():
         if name in names.split():
@@ -216,10 +216,10 @@ FIRST = (
     "z-9",
     "z-1",
 )
-"""What a reader wants first: images, the slider of the page's first screen, and curves."""
+"""Figures that readers want first: images, the slider of the page's first screen, and curves."""
 
 LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
-"""Those that take longest; their scenes are then compiled."""
+"""Figures that take longest; by then their scenes are compiled."""
 
 NO_DRAFT = {
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
@@ -228,4 +228,4 @@ NO_DRAFT = {
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has two counts of fourteen, in milliseconds",
 }
-"""Figures that show nothing at the size of a draft, and why: paper quality makes them."""
+"""Figures that show nothing at draft size, and why: only paper quality makes them."""

@@ -16,6 +16,7 @@ from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images
 from figures.shared.sheets.image_sheets import magnify, magnify_all
+from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, scenes, sequences
 
 KEY = 7
@@ -208,12 +209,11 @@ def convergence(
         waves[sampler][spp] = _strongest_wave(image, exact)
 
     least, floor = min(error for of in errors.values() for error in of.values()), rms(exact.error)
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure = new_figure(f"{title}; {side} x {side} pixels, our scene, one key", 9, 6)
     plot.convergence(
         spps,
         {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},
         floor=floor if floor > least / 10 else None,  # Or it would take half of the axis.
-        title=f"{title}\n{side} x {side} pixels, our scene, one key",
         ax=figure.subplots(),
     )
     numbers = {

@@ -40,6 +40,8 @@ VISIBLE = 2.0
 SHOWN = 64
 """Samples per pixel of the errors that are drawn."""
 
+MATRICES = "optimised matrices: ours"
+
 
 @pytree
 @dataclass(frozen=True)
@@ -106,7 +108,9 @@ def pictures(
     lines = {name: _line((image - reference)[area]) for name, image in images.items()}
     progress(0.9)
     images = {"exact reference": reference, **images}
-    figure = _sheet(images, captions, f"{title}; {side} x {side} pixels, box filter, one key", area)
+    figure = _sheet(
+        images, captions, f"{title}; {side} x {side} pixels, box filter, one key; {MATRICES}", area
+    )
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -168,7 +172,9 @@ def convergence(
     sets = {name: of[len(REGIONS) :] for name, of in found.items()}
     errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
 
-    figure = _curves(spps, errors, f"{title}, {side} x {side} pixels, jittered grids: RMS over {KEYS} keys")
+    figure = _curves(
+        spps, errors, f"{title}; {side} x {side} pixels; jittered grids: RMS over {KEYS} keys; {MATRICES}"
+    )
     _errors_of_area(figure, scene, side, crop)
     numbers = {
         "measured": {
@@ -224,7 +230,7 @@ def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: s
     write_title(figure, title, y=1 - 16 / height)
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     for k, times in enumerate((0.0, 0.75)):
-        axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 170)
+        axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 195)
         plot.convergence(
             spps, whole, times=times, title="the same, times $n^{0.75}$" if times else "", ax=axes
         )

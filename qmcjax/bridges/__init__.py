@@ -1,7 +1,7 @@
 """Interfaces to other programs: plain Python, source code, tables for shaders, files.
 
-``import qmcjax`` does not import them. Arguments are checked: TypeError and ValueError name the argument,
-what it must be and what was given.
+``import qmcjax`` does not import them. Arguments are checked: a TypeError or ValueError names the argument,
+the requirement and the value.
 """
 
 from qmcjax.bridges._bake import bake as bake

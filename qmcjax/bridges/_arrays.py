@@ -1,4 +1,4 @@
-"""Suffixes of files, and arrays in NumPy's formats; errors name the byte."""
+"""Suffixes of files, and arrays in NumPy formats; errors name the byte."""
 
 import io
 import warnings
@@ -21,7 +21,7 @@ def suffix_of(path: Path, known: Iterable[str]) -> str:
 
 
 def read_npy(data: bytes) -> NDArray:
-    """Return the array of a ``.npy`` file, after which nothing may follow."""
+    """Return the array of a ``.npy`` file, which must end after it."""
     file = io.BytesIO(data)
     try:
         with warnings.catch_warnings(action="error"):
@@ -36,7 +36,7 @@ def read_npy(data: bytes) -> NDArray:
 def read_npz(data: bytes, max_bytes: int) -> dict[str, NDArray]:
     """Return the arrays of a ``.npz`` file with matching checksums; see :func:`read_npy`.
 
-    Sizes in the directory are checked before anything is unpacked, and limit what is unpacked.
+    Sizes in the directory are checked before unpacking, and limit it.
     """
     arrays = {}
     place = max(data.rfind(b"PK\x05\x06"), 0)  # the directory, at the end

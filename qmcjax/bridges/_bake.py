@@ -29,26 +29,26 @@ def bake(
     Parameters
     ----------
     sampler : Sampler
-        Any object with the methods of one. In base 2 the table has the exact leading bits of its points.
+        Any object that implements the protocol. In base 2 the table has the exact leading bits of its points.
     tile : tuple of int
-        Columns and rows of the pixels from (0, 0) on. Readers repeat the tile.
+        Columns and rows of the pixels, starting at (0, 0). Readers repeat the tile.
     spp : int, samples per pixel, from 0 on
     dims : tuple of int
         The coordinates.
     bits : {8, 16, 24, 32}
-        Bits per value: unsigned integers, or floats for 24 bits; enough for a pixel's strata. See
-        :class:`BakedTable` for the formats of files.
+        Bits per value: unsigned integers, or floats for 24 bits. They must suffice for the strata of a pixel.
+        See :class:`BakedTable` for the file formats.
 
     Notes
     -----
-    :func:`source` writes the sampler itself as source code, with all bits, for all pixels, samples and keys:
-    it is better where arithmetic is faster than memory, or the tile would be large.
+    :func:`source` writes the sampler itself as source code, with all bits, for all pixels, samples and keys.
+    Prefer it if arithmetic is faster than memory, or if the tile would be large.
 
-    Coordinates are truncated, not rounded, so that each point stays in its elementary intervals down to a
-    side of ``2**-bits``: in all of them if spp = 2**m <= 2**bits. For more samples, the points of pixels are
-    counted in elementary intervals of volume 2**-m of the first and second coordinate, the third and fourth,
-    ..., before and after; if fewer intervals have a point, this is an error. All points of the tile together
-    are counted, too: losses are noted in ``about``, since a net over the tile may be finer.
+    Coordinates are truncated, not rounded, to keep each point in its elementary intervals down to a side of
+    ``2**-bits``: in all of them if spp = 2**m <= 2**bits. For more samples, the points of pixels are counted
+    in elementary intervals of volume 2**-m of the first and second coordinate, the third and fourth, ...,
+    before and after truncation; if fewer intervals contain a point, this is an error. All points of the tile
+    together are counted, too: losses are noted in ``about``, since a net over the tile may be finer.
 
     Examples
     --------
@@ -130,12 +130,12 @@ def bake_order(order: Any) -> BakedTable:
 
     Parameters
     ----------
-    order : Order, any object with the methods of one, of at most 2**27 pixels
+    order : Order, any object that implements the protocol, of at most 2**27 pixels
 
     Returns
     -------
     BakedTable
-        Integers, one per pixel, in the smallest of 8, 16 or 32 bits that hold the order's length.
+        Integers, one per pixel, in the smallest of 8, 16 or 32 bits that suffice for the order's length.
 
     Examples
     --------
@@ -166,8 +166,9 @@ def bake_matrices(sequence: Any) -> BakedTable:
     Returns
     -------
     BakedTable
-        32-bit integers, for one pixel: "sample" j has the 32 columns of matrix j, with the first row in bit
-        31. Coordinate j of point i, as a 32-bit fraction, is the xor of all columns k with bit k of i set.
+        32-bit integers, for one pixel: "sample" j contains the 32 columns of matrix j, with the first row in
+        bit 31. Coordinate j of point i, as a 32-bit fraction, is the xor of all columns k with bit k of i
+        set.
 
     Examples
     --------
@@ -199,8 +200,8 @@ def bake_ranked(sampler: Ranked, spp: int) -> tuple[BakedTable, BakedTable]:
     keys : BakedTable
         16-bit integers: coordinate 0 is the ranking key of a pixel, j + 1 the scrambling key of dimension j.
     sequence : BakedTable
-        16-bit integers: the points, as samples of one pixel. Their number is a power of two that keys map to
-        itself. As 16-bit fractions, coordinate j of sample s of a pixel is
+        16-bit integers: the points, as samples of one pixel. Their number is a power of two, and keys permute
+        them. As 16-bit fractions, coordinate j of sample s of a pixel is
         ``sequence[s ^ keys[0]][j] ^ keys[j + 1]``.
 
     Examples
@@ -251,7 +252,7 @@ def _check_bits(bits: int) -> int:
 
 
 class Broken(NamedTuple):
-    """Boxes of one shape, fewer of which contain a point after truncation."""
+    """A shape of boxes, fewer of which contain a point after truncation."""
 
     log_width: int
     log_height: int
@@ -270,7 +271,7 @@ def _length(log: int) -> str:
 
 
 def broken_strata(words: NDArray[np.uint32], bits: int) -> Broken | None:
-    """Return the boxes that lose most if only the leading bits of coordinates are kept.
+    """Return the shape of boxes that loses most if only the leading bits of coordinates are kept.
 
     ``words``: uint32 array, shape (sets, n, dims): 32-bit fractions. Boxes have volume 2**-m, where 2**m is
     the largest power of two up to n, in the coordinates 0 and 1, 2 and 3, ...; intervals of single

@@ -12,12 +12,12 @@ from qmcjax.sequences import Sequence, as_sequence, tabulated
 
 
 def tabulate(generator: Any, n: int) -> Sequence:
-    """Make a sequence of the points that another library's generator draws.
+    """Make a sequence from the points that a generator of another library draws.
 
     Parameters
     ----------
     generator : object
-        An engine of ``scipy.stats.qmc``, or any object with ``random(n)``, which draws the next points. Or a
+        An engine of ``scipy.stats.qmc``, or any object with ``random(n)``, which draws the next points; or a
         discrete distribution of QMCPy [1]_, or any object with ``gen_samples(n)``, which draws the first
         points.
     n : int, number of points
@@ -25,20 +25,19 @@ def tabulate(generator: Any, n: int) -> Sequence:
     Returns
     -------
     Sequence
-        A table, of ``size`` n: these points only, whatever the generator could draw. Rounded down to 32-bit
-        fractions.
+        A table of ``size`` n with only these points, rounded down to 32-bit fractions.
 
     Raises
     ------
     TypeError
         Also if the points are not floats.
     ValueError
-        Also if they are not n points in [0, 1), such as replications, or points of another distribution.
+        Also if they are not n points in [0, 1), as with replications or other distributions.
 
     Notes
     -----
-    Prefer a sequence of qmcjax where there is one: it has random access and compiles into programs. This is
-    for comparisons, and for other constructions.
+    Prefer a sequence of qmcjax if available: it has random access and compiles into programs. Use this
+    function for comparisons, and for other constructions.
 
     References
     ----------
@@ -68,20 +67,20 @@ def tabulate(generator: Any, n: int) -> Sequence:
 
 
 class SequenceEngine(qmc.QMCEngine):
-    """A sequence as an engine of ``scipy.stats.qmc``: for code that draws points block by block.
+    """A sequence as an engine of ``scipy.stats.qmc``, for code that draws points block by block.
 
     Parameters
     ----------
     sequence : Sequence
-        Any object with the methods of one. Scrambling, scipy's ``scramble``, is part of the sequence.
+        Any object that implements the protocol. Scrambling (``scramble`` in scipy) is part of the sequence.
     optimization : {None, "random-cd", "lloyd"}
-        How scipy changes the points of each block.
+        scipy's optimization of the points of each block.
     rng : optional
-        For "random-cd", as in scipy; the sequence has no use for it.
+        For "random-cd", as in scipy; the sequence does not use it.
     seed : int, numpy.random.Generator or RandomState, optional
-        Randomises the sequence anew, as a replicate of :func:`qmcjax.integrate`, and takes the place of
-        ``rng``: ``scipy.integrate.qmc_quad`` makes its independent estimates so, all but the first, which is
-        of the engine that it was given. Give one with a seed.
+        Randomises the sequence again, like a replicate of :func:`qmcjax.integrate`, and replaces ``rng``.
+        ``scipy.integrate.qmc_quad`` makes all its independent estimates this way, except for the first, which
+        uses the given engine: pass one with a seed.
 
     Raises
     ------
@@ -90,7 +89,7 @@ class SequenceEngine(qmc.QMCEngine):
 
     Notes
     -----
-    The reverse, :func:`tabulate`, makes a sequence of an engine's points.
+    Conversely, :func:`tabulate` makes a sequence from an engine's points.
 
     Examples
     --------

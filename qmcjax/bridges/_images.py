@@ -1,4 +1,4 @@
-"""Images in files: EXR by the package OpenEXR, PNG by pypng, NumPy's arrays."""
+"""Image files: EXR by the package OpenEXR, PNG by pypng, and NumPy arrays."""
 
 import io
 import struct
@@ -41,12 +41,12 @@ def write_image(
     Parameters
     ----------
     path : path
-        Ends in ``.npy`` or ``.exr`` (``pip install 'qmcjax[exr]'``), for all values in float32; or in
-        ``.png``, for values in [0, 1].
+        Ends in ``.npy`` or ``.exr`` (``pip install 'qmcjax[exr]'``), for any float32 values, or in ``.png``,
+        for values in [0, 1].
     image : float ArrayLike, shape (height, width) or (height, width, 3), finite linear light
     transfer : {"srgb", "linear"}
-        Required for PNG files, which store it: sRGB values, which programs show as they are, or linear light.
-        None for other files.
+        Required for PNG files, which store it: sRGB values, which programs display unchanged, or linear
+        light. None for other files.
     bits : {8, 16}
         Per channel of a PNG file. Values are clamped to [0, 1] and rounded to nearest.
 
@@ -98,8 +98,8 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     path : path
         Ends in ``.exr``, ``.npy`` or ``.png``.
     transfer : {"srgb", "linear"}, optional
-        Transfer of the values of a PNG file, see :func:`write_image`. Not needed if the file states it, and
-        must not contradict the file.
+        Transfer function of a PNG file, see :func:`write_image`. Not needed if the file states it, and must
+        not contradict the file.
 
     Returns
     -------
@@ -109,8 +109,8 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     Raises
     ------
     ValueError
-        If the file holds something else, is damaged or is not finite: names the file and, if known, the
-        place. If neither a PNG file nor ``transfer`` states the transfer.
+        If the file has other contents, is damaged or has non-finite values; the message names the file and,
+        if known, the place. If neither a PNG file nor ``transfer`` states the transfer function.
     ImportError
         For EXR files without the package ``OpenEXR``, which ``pip install 'qmcjax[exr]'`` installs.
     """

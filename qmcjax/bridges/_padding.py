@@ -1,4 +1,4 @@
-"""Pairs of coordinates beyond a sampler's: one rule for all bridges."""
+"""Pairs of coordinates beyond those of a sampler: one rule for all bridges."""
 
 from functools import partial
 from typing import Any
@@ -17,7 +17,7 @@ _STEPS = [np.uint32(k * 0x9E3779B9 % 2**32) for k in range(3)]
 
 
 def padding_pixel(words: Array, x: Array, y: Array) -> Array:
-    """Return what all padded pairs of a pixel share, one random word; two ``words`` are the key."""
+    """Return the random word shared by all padded pairs of a pixel; two ``words`` are the key."""
     return hash_pair(x ^ words[0], y ^ words[1])
 
 
@@ -26,7 +26,8 @@ def padding_pair(pixel: Array, pair: Array, sample: Array) -> Array:
 
     A pair has the first points of the two-dimensional Sobol' sequence, Owen-scrambled with one key per pixel
     and pair. Their order is shuffled per pixel and pair as well: otherwise the same half of all pairs would
-    contain the same samples [1]_. The shuffle is nested, so aligned blocks of 2**k samples stay (0,k,2)-nets.
+    contain the same samples [1]_. The shuffle is nested, so aligned blocks of 2**k samples remain
+    (0,k,2)-nets.
 
     ``pixel`` is from :func:`padding_pixel`, and ``pair`` the number of the pair. Returns float32, shape
     (..., 2), in [0, 1).
@@ -49,7 +50,7 @@ _TOGETHER = 4
 class PaddedPairs:
     """Pairs of coordinates (2 k, 2 k + 1): the sampler's, followed by padding.
 
-    An odd last coordinate of the sampler is left out.
+    An odd last coordinate of the sampler is omitted.
     """
 
     def __init__(self, sampler: Sampler, key: Any) -> None:

@@ -29,15 +29,15 @@ class PlainSampler:
 
     Parameters
     ----------
-    sampler : Sampler, any object with the methods of one
+    sampler : Sampler, any object that implements the protocol
     dtype : float32 or float64
         dtype of the coordinates.
 
     Notes
     -----
     Numbers are looked up in tables of 16 x 16 pixels and 8 samples, computed on demand; the latest 64 MiB are
-    cached. So any order of pixels and samples gives the same numbers, and access is fast for samples close
-    together. :meth:`start` changes the object: use one object per thread.
+    cached. So any order of pixels and samples gives the same numbers, and access to nearby samples is fast.
+    :meth:`start` changes the object: use one object per thread.
 
     Examples
     --------
@@ -126,7 +126,7 @@ class PlainSampler:
         Returns
         -------
         array of the sampler's ``dtype``, shape (height, width, spp, len(dims)), in [0, 1)
-            Other libraries can take it by DLPack without a copy, for example by ``torch.from_dlpack``.
+            Other libraries can import it by DLPack without a copy, for example by ``torch.from_dlpack``.
         """
         width, height = checks.image_size(width, height)
         spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
@@ -213,7 +213,7 @@ def pixel_points(
     found = np.empty((height, width, count, len(dims)), dtype)
     with checks.precision(dtype):
         for start in range(0, height, rows):
-            # The last piece begins early enough to be as large as the others: they share one program.
+            # The last piece starts early enough to be as large as the others, to share one program.
             top = min(start, height - rows)
             at = np.array([x, y + top], np.uint32)
             piece = _piece(sampler, at, np.uint32(first), width, rows, count, dims, np.dtype(dtype))

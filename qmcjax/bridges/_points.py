@@ -1,4 +1,4 @@
-"""Files of points: text, NumPy's arrays and UTK's binary files."""
+"""Point files: text, NumPy arrays and UTK binary files."""
 
 import re
 import zlib
@@ -30,17 +30,17 @@ def read_points(
     Parameters
     ----------
     path : path
-        ``.npy`` or ``.npz``: NumPy arrays. ``.bin``: UTK's binary files [1]_, for each point set its number
-        of points as uint32 and the coordinates as float64, little-endian. Anything else: text with one point
-        per line, coordinates separated by semicolons, commas or blanks, as in ``.csv`` and UTK's ``.dat``
-        files; they may be quoted, and have exponents of Fortran (``1.5D-01``). Lines that begin with ``#``
+        ``.npy`` or ``.npz``: NumPy arrays. ``.bin``: UTK binary files [1]_, for each point set its number of
+        points as uint32 and the coordinates as float64, little-endian. Anything else: text with one point per
+        line, coordinates separated by semicolons, commas or blanks, as in ``.csv`` and UTK ``.dat`` files.
+        Coordinates may be quoted, and have Fortran exponents (``1.5D-01``). Lines that begin with ``#``
         separate point sets; after a point, ``#`` begins a comment. UTF-8, or UTF-16 with its byte order mark.
-        Each of these may be packed by gzip (``.csv.gz``).
+        All of these may be compressed by gzip (``.csv.gz``).
     which : int or str
-        The index of the point set in the file, from 0 on; or the name of an array in a ``.npz`` file.
+        The index of the point set in the file, counted from 0; or the name of an array in a ``.npz`` file.
     header : bool, optional
         Whether the first line of a text, after comments, is a heading. Not needed if all of its fields are
-        names (then it is one), or all numbers, unless they are distinct integers.
+        names (then it is a heading), or all are numbers, unless they are distinct integers.
     dims : int, optional
         The number of coordinates. Required for ``.bin`` files, which do not store it; checked for others.
     max_bytes : int
@@ -49,23 +49,22 @@ def read_points(
     Returns
     -------
     float64 array, shape (n, dims)
-        Finite. The range is not checked. Text has the printed decimals; rounding them changes a discrepancy
-        by as much.
+        Finite; the range is not checked. Text gives the printed decimals: their rounding changes a
+        discrepancy by the same amount.
 
     Raises
     ------
     ValueError
-        If the file is too large, damaged, of another kind, or has no such point set: names the file and the
-        place, in text line and column, else the byte.
+        If the file is too large, damaged, has another format, or has no such point set. The message names the
+        file and the place: line and column in text, otherwise the byte.
 
     Notes
     -----
-    Archives have checksums, and so has text that :func:`write_points` wrote to ``.dat`` or ``.txt`` files, in
-    a comment: with it every change is detected. In the other formats a changed digit gives another point.
+    Archives have checksums, and so do ``.dat`` and ``.txt`` files of :func:`write_points`, in a comment: they
+    detect every change. In other formats a changed digit gives another point.
 
-    References
-    ----------
-    .. [1] H. Perrier, D. Coeurjolly, V. Ostromoukhov, "Uni(corn|form) tool kit", https://utk-team.github.io/utk.
+    References ---------- .. [1] H. Perrier, D. Coeurjolly, V. Ostromoukhov, "Uni(corn|form) tool kit",
+    https://utk-team.github.io/utk.
 
     Examples
     --------
@@ -155,7 +154,7 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     ----------
     path : path
         Ends in ``.npy``; ``.npz``, for the array ``points``; ``.csv``, without a heading; ``.dat`` or
-        ``.txt``, for UTK's text with a checksum in a comment on the first line; or ``.bin``, for UTK's
+        ``.txt``, for UTK text with a checksum in a comment on the first line; or ``.bin``, for the UTK
         format.
     points : float ArrayLike, shape (n, dims)
         Finite. NumPy files keep float32; other files store the same numbers in float64.
@@ -260,7 +259,7 @@ def point_sets(data: bytes, header: bool | None) -> list[PointSet]:
 
 
 def _is_heading(line: Line, header: bool | None) -> bool:
-    """Whether the first line is a heading; raise if it may be a heading or a point."""
+    """Return whether the first line is a heading; raise if it may be a heading or a point."""
     if header is not None:
         return header
     words = [text for _, text in line.fields]

@@ -1,4 +1,4 @@
-"""Baked tables: their layout in textures, files of them, and programs that read these."""
+"""Baked tables: their layout in textures, their files, and programs that read these."""
 
 import re
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ from qmcjax.core import checks
 
 @dataclass(frozen=True)
 class Layout:
-    """Layers side by side and in rows: each is the tile, with coordinates of one sample as channels."""
+    """Layers in columns and rows: each is the tile, with coordinates of one sample as channels."""
 
     rows: int
     columns: int
@@ -159,8 +159,8 @@ class BakedTable:
     def points(self) -> NDArray:
         """The coordinates that readers compute from the values: float32, and for 32 bits float64, exact.
 
-        For 8 and 16 bits they are the centres of the intervals of values, ``(value + 1/2) / 2**bits``, so
-        that means are right; for 24 and 32 bits the lower bounds, the sampler's own numbers.
+        For 8 and 16 bits they are the centres of the intervals of values, ``(value + 1/2) / 2**bits``, which
+        makes means correct; for 24 and 32 bits the lower bounds, the numbers of the sampler.
         """
         if not self.fractions:
             raise ValueError("table must be of coordinates to have points, got one of integers")
@@ -193,8 +193,8 @@ class BakedTable:
         Parameters
         ----------
         language : {"glsl", "cpp"}
-            Functions in GLSL from 1.30 on, or ES 3.0, for a texture made of a ``.png``, ``.exr`` or raw file
-            of at most 24 bits; or a class in C++11 for a raw file of 16 or 24 bits. A ``.h`` file includes
+            Functions in GLSL 1.30 or later, or ES 3.0, for a texture from a ``.png``, ``.exr`` or raw file
+            of at most 24 bits; or a C++11 class for a raw file of 16 or 24 bits. A ``.h`` file includes
             its reader.
         name : str
             Prefix of the functions in GLSL, or name of the class; an identifier of C.
@@ -219,12 +219,12 @@ class BakedTable:
         Parameters
         ----------
         path : path
-            Ends in ``.npz``, for the arrays ``values``, ``bits`` and ``readme``; ``.h``, for a header in C99
-            and C++ with functions to read it, named like the file; ``.png``, for 8 or 16 bits, two
+            Ends in ``.npz``, for the arrays ``values``, ``bits`` and ``readme``; ``.h``, for a C99 and C++
+            header with functions to read it, named like the file; ``.png``, for 8 or 16 bits, with two
             coordinates as red and green (a single one as grey); ``.rg16``, the same as raw uint16; ``.exr``
-            (``pip install 'qmcjax[exr]'``) or raw ``.rgba32f``, for 24 bits in float32, four coordinates as
-            red, green, blue and alpha. Raw files have no room for text: the description goes to a second
-            file with ``.txt`` appended to the name.
+            (``pip install 'qmcjax[exr]'``) or raw ``.rgba32f``, for 24 bits in float32, with four coordinates
+            as red, green, blue and alpha. Raw files cannot contain text: the description is written to a
+            second file with ``.txt`` appended to the name.
         """
         path = checks.path(path)
         suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))
@@ -268,7 +268,7 @@ class BakedTable:
         return self._program(_HEADER + point, name, value, comment=comment, values="\n".join(lines))
 
     def _program(self, text: str, name: str, value: str = "", inside: str = "", **more: str) -> str:
-        """Return a program with all names filled in; ``value`` is the expression that it makes points of."""
+        """Return a program with all names filled in; ``value`` is the expression for points."""
         rows, columns, samples, coordinates = self.values.shape
         floats, layout = self.bits == 24, self._layout
         scale = repr(2.0**-self.bits)

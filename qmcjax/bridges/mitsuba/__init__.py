@@ -1,8 +1,8 @@
 """Samplers of qmcjax as a sampler plugin of Mitsuba 3 (``pip install 'qmcjax[mitsuba]'``).
 
-:func:`register` registers the plugin, :func:`wrap` wraps a sampler for Mitsuba's dictionaries. :func:`render`
-and :func:`sensor_with` put a sampler into a scene of a file, :func:`render_adaptive` takes samples where they
-are needed.
+:func:`register` registers the plugin, and :func:`wrap` wraps a sampler for Mitsuba's dictionaries.
+:func:`render` and :func:`sensor_with` use a sampler in a scene from a file. :func:`render_adaptive` samples
+only where needed.
 """
 
 from qmcjax.bridges.mitsuba._adaptive import render_adaptive as render_adaptive

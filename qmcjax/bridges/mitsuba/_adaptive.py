@@ -1,4 +1,4 @@
-"""Images of Mitsuba without unnecessary samples, in tiles."""
+"""Mitsuba images without unnecessary samples, in tiles."""
 
 from typing import Any
 
@@ -28,9 +28,9 @@ _FORMATS = {
 class Tiles:
     """Tiles of a sensor's image, and the film on which all of them are rendered.
 
-    The film has the size of the largest tile, with a border as wide as the reconstruction filter reaches:
-    samples outside of it add nothing to the tile. At edges of the image the film moves inwards. There is one
-    size only, so that Mitsuba compiles one program.
+    The film has the size of the largest tile, with a border as wide as the reconstruction filter: samples
+    outside it do not contribute to the tile. At edges of the image the film moves inwards. There is only one
+    size, so Mitsuba compiles one program.
     """
 
     def __init__(self, mitsuba: Any, sensor: Any, side: int) -> None:
@@ -38,7 +38,7 @@ class Tiles:
         if film.class_name() != "HDRFilm":
             raise ValueError(f"sensor must have a film of type hdrfilm, got {film.class_name()}")
         reach = film.rfilter().border_size()
-        # As many columns and rows around the whole are sampled, too.
+        # This many columns and rows around the whole are sampled, too.
         self.border = reach if film.sample_border() else 0
         self.whole = tuple(int(size) + 2 * self.border for size in film.size())
         self.crop = [int(start) for start in film.crop_offset()]
@@ -107,7 +107,7 @@ class TiledPass:
         if not self.mitsuba.variant().startswith("scalar"):
             import drjit  # pyright: ignore[reportMissingImports]
 
-            # In memory, not part of what is compiled: another tile does not compile again.
+            # In memory, not a compiled constant: another tile does not recompile.
             self.offset = [drjit.opaque(self.mitsuba.Float, each) for each in self.offset]
         image = np.array(self.mitsuba.render(self.scene, sensor=self.sensor, spp=self.spp, seed=0))
         rows, columns = tiles.inside(number)
@@ -132,27 +132,28 @@ def render_adaptive(
     key: int = 0,
     sensor: int = 0,
 ) -> AdaptiveImage:
-    """Render a scene of Mitsuba 3 in passes, which stop in each tile when its error is small enough.
+    """Render a Mitsuba 3 scene in passes that stop in each tile when its error is small enough.
 
     Parameters
     ----------
     scene : path of an XML file, or mitsuba.Scene
         As for :func:`render`. The film must be of type ``hdrfilm``.
     sampler : Sampler, made by :func:`qmcjax.samplers.randomized`, or function
-        A function of ``(width, height, spp)`` that returns one is called with the size of the film.
+        A function of ``(width, height, spp)`` that returns such a sampler is called with the size of the
+        film.
     spp : int, the largest number of samples per pixel: a multiple of the samples of a pass
     tolerance : float
         Take passes in each tile until the root mean square of the standard errors of its pixels and channels
         is at most this, or until they have ``spp`` samples. At least four passes are taken. Positive.
     unbiased : bool
-        Decide the number of passes of each tile from four passes that are not part of the image. Otherwise a
-        tile whose first passes happen to agree stops early, and rare bright values are underestimated.
-        ``counts`` has the samples of both. The error is then a prediction from four passes: some tiles remain
-        above the tolerance.
+        Decide the number of passes of each tile from four passes that are not part of the image; ``counts``
+        includes them. The error is then a prediction from four passes: some tiles remain above the tolerance.
+        Otherwise a tile whose first passes happen to agree stops early, and rare bright values are
+        underestimated.
     tile : int, the largest width and height of tiles in pixels, in [1, 65536]
         Errors of small tiles are less certain, and the reconstruction filter needs more samples around them.
     key : int
-        For requests beyond the sampler's dimensions, which are independent in each pass.
+        For requests beyond the sampler's dimensions, independent in each pass.
     sensor : int
         Which of the scene's sensors.
 
@@ -167,8 +168,8 @@ def render_adaptive(
     ImportError
         If Mitsuba is not installed.
     TypeError, ValueError
-        As for :func:`render`, if passes of the sampler cannot be stopped by this tolerance, if the film is of
-        another type, or if the integrator traces particles from lights, which reach all tiles.
+        As for :func:`render`; if this tolerance cannot stop passes of the sampler; if the film has another
+        type; or if the integrator traces particles from lights, which reach all tiles.
 
     See Also
     --------
@@ -176,9 +177,9 @@ def render_adaptive(
 
     Notes
     -----
-    A tile that is never stopped has the mean of :func:`render` with each of ``sampler.of_pass(k)``, up to
-    rounding. Channels beyond the colours, such as depths, are rendered, but do not decide. Tiles with values
-    that are not finite take all passes.
+    A tile that never stops has the mean of :func:`render` with each of ``sampler.of_pass(k)``, up to
+    rounding. Channels other than colours, such as depth, are rendered, but do not influence stopping. Tiles
+    with non-finite values take all passes.
 
     Examples
     --------

@@ -39,7 +39,7 @@ class Arrays:
         }
 
     def constant(self, value: np.generic) -> Any:
-        """Return a constant as an array of one entry, which is part of what is recorded."""
+        """Return a constant as an array of one entry, which is part of the recorded program."""
         return self.types[value.dtype](value.item())
 
     def operation(self, value: Value) -> Callable[..., Any]:
@@ -96,7 +96,7 @@ class Evaluated:
         return [known[place] for place in self._outputs]
 
     def _place(self, value: Value) -> int:
-        """Return the place of a value in the list of what is known."""
+        """Return the place of a value in the list of known values."""
         key = (value.loop, value.detail) if value.kind == "result" else value
         if key not in self._places:
             self._places[key] = len(self._places)

@@ -74,7 +74,7 @@ class Given:
             )
 
     def make_once(self, count: int, make: Callable[[Sampler], Made]) -> Made:
-        """Return what is made of the sampler for ``count`` samples per pixel: made once for all copies."""
+        """Return the object made from the sampler for ``count`` samples per pixel, once for all copies."""
         size = (*self.whole(), self.first + count) if of_size(self._wrapped) else ()
         with self._lock:
             if self._made is None or self._size != size:
@@ -84,7 +84,7 @@ class Given:
 
     @property
     def name(self) -> str:
-        """What the sampler is, in words."""
+        """A description of the sampler."""
         return checks.shown(self._wrapped)
 
     @property

@@ -33,7 +33,7 @@ _LOCK = Lock()
 
 
 class NotCompiled(Exception):
-    """Why there is no library, and what helps."""
+    """The reason that there is no library, and a remedy."""
 
 
 @cache
@@ -48,7 +48,7 @@ def compiler(language: str) -> str:
 
 
 def library(text: str, language: str, flags: Sequence[str] = (), linked: Sequence[str] = ()) -> ctypes.CDLL:
-    """Return the library of some source code with others linked to it, compiled unless it was before.
+    """Return the library of source code with others linked to it, compiled if it is not cached.
 
     Raises NotCompiled if there is no compiler, if it fails, or if there is no folder for its result.
     """
@@ -82,7 +82,7 @@ def _compile(command: Sequence[str], text: str, path: Path) -> None:
 
 @cache
 def _version(command: str) -> str:
-    """Return what a compiler says about itself: another one compiles again."""
+    """Return the version text of a compiler; another one compiles again."""
     return subprocess.run([command, "--version"], capture_output=True, text=True).stdout
 
 
@@ -125,7 +125,7 @@ void of_task_pair(const own_pixel *pixel, uint32_t pair, uint32_t number, const 
 
 
 class Task(ctypes.Structure):
-    """What the plugin gets: the same members as in its source code."""
+    """The data passed to the plugin, with the same members as in its source code."""
 
     _fields_ = (
         *((name, ctypes.c_void_p) for name in ("prepare", "sample", "pair", "seeds", "corners")),
@@ -137,7 +137,7 @@ class Task(ctypes.Structure):
 
 
 class _ButForSeeds:
-    """A sampler, equal to those that differ from it in nothing but the values of their seeds."""
+    """A sampler, equal to those that differ only in the values of their seeds."""
 
     def __init__(self, sampler: Sampler) -> None:
         self.sampler, seeded = sampler, Seeded.of(sampler)
@@ -224,7 +224,7 @@ class Numbers:
 
 
 def owner(mitsuba: ModuleType, kept: Any) -> Any:
-    """Return an object of Mitsuba that keeps what compiled samplers refer to."""
+    """Return a Mitsuba object that keeps alive what compiled samplers refer to."""
 
     class Owner(mitsuba.Object):
         def __init__(self) -> None:
@@ -236,7 +236,7 @@ def owner(mitsuba: ModuleType, kept: Any) -> Any:
 
 @cache
 def register_native(variant: str) -> bool:
-    """Register the compiled plugin with a scalar variant; return False, and say why, if it cannot be."""
+    """Register the compiled plugin with a scalar variant, or warn why not and return False."""
     try:
         if variant not in _SPECTRA:
             raise NotCompiled(f"the plugin is made for {', '.join(_SPECTRA)}, not for {variant}")
@@ -249,7 +249,7 @@ def register_native(variant: str) -> bool:
 
 @cache
 def slow(reason: str) -> None:
-    """Say why Python computes the samples: once for each reason."""
+    """Warn why Python computes the samples, once for each reason."""
     warnings.warn(
         f"samples of qmcjax come from Python, which takes 5 to 30 times as long: {reason}",
         RuntimeWarning,

@@ -30,8 +30,8 @@ drjit.sync_thread()
 def check_llvm() -> str:
     """Return the version of LLVM that Mitsuba finds; raise unless its LLVM variants render with it.
 
-    Some versions abort the whole process at the first image: LLVM 14 to 16 did on a processor with AVX-512,
-    19 works. So this renders four pixels in a separate process, which takes a second or two.
+    Some versions abort the whole process at the first image: LLVM 14 to 16 did on a CPU with AVX-512; 19
+    works. So this renders four pixels in a separate process, which takes a second or two.
 
     Returns
     -------
@@ -58,7 +58,7 @@ def check_llvm() -> str:
 
 
 def import_mitsuba() -> ModuleType:
-    """Return Mitsuba, or raise an ImportError that says how to install it."""
+    """Return Mitsuba, or raise an ImportError with installation instructions."""
     try:
         import mitsuba  # pyright: ignore[reportMissingImports]
     except ImportError as error:
@@ -85,7 +85,7 @@ def register(variant: str | None = None) -> None:
     Parameters
     ----------
     variant : str, optional
-        Such as "scalar_rgb" or "llvm_ad_rgb": becomes the current variant of Mitsuba, after
+        Such as "scalar_rgb" or "llvm_ad_rgb". It becomes the current variant of Mitsuba, after
         :func:`check_llvm` if it needs LLVM. By default the current variant.
 
     Raises
@@ -97,22 +97,22 @@ def register(variant: str | None = None) -> None:
 
     Notes
     -----
-    2D requests get the pairs 0 and 1, 2 and 3, ... of the sampler; 1D requests get the first coordinate of
-    the next pair. The pairs beyond the sampler's are Sobol' points, scrambled and shuffled per pixel with one
-    key per pair.
+    2D requests return the pairs 0 and 1, 2 and 3, ... of the sampler; 1D requests return the first coordinate
+    of the next pair. Pairs beyond those of the sampler are Sobol' points, scrambled and shuffled per pixel
+    with one key per pair.
 
-    In scalar variants the seed identifies the pixel: ``mitsuba.render(seed=...)`` must be 0 there. Use
+    In scalar variants the seed identifies the pixel, so ``mitsuba.render(seed=...)`` must be 0. Use
     ``first_sample`` for other samples. Compiled functions return the samples of an image: the system's C and
-    C++ compilers make them when the first one is rendered. A warning says if there is no compiler: then
-    Python returns the same samples, which takes 5 to 30 times as long.
+    C++ compilers make them for the first image. Without a compiler a warning is emitted, and Python returns
+    the same samples, 5 to 30 times slower.
 
-    In LLVM and CUDA variants the sampler's operations become part of what Dr.Jit compiles, in symbolic and
-    evaluated loops. Seed s takes the samples from ``first_sample + s * sample_count`` on. Particle tracers
-    such as ``ptracer`` work there only: in scalar variants they request samples of no pixel.
+    In LLVM and CUDA variants Dr.Jit compiles the operations of the sampler, in symbolic and evaluated loops.
+    Seed s takes the samples from ``first_sample + s * sample_count`` on. Particle tracers such as ``ptracer``
+    work only in these variants: in scalar variants their requests do not belong to a pixel.
 
     For custom loops, the plugin has ``seek(x, y, sample=0)``: the next coordinates are those of this sample
-    of this pixel of the film; ``advance()`` proceeds to the pixel's next sample. In LLVM and CUDA variants
-    the arguments are arrays.
+    of this pixel of the film; ``advance()`` proceeds to the next sample of the pixel. In LLVM and CUDA
+    variants the arguments are arrays.
     """
     mitsuba = import_mitsuba()
     if variant is not None:
@@ -135,8 +135,8 @@ def wrap(sampler: Any) -> Any:
     ----------
     sampler : Sampler, object with the methods of one, or function
         With two dimensions or more; 0 and 1 are the position in the pixel. A function of
-        ``(width, height, spp)`` that returns one is called with the size of the film and the number of
-        samples per pixel.
+        ``(width, height, spp)`` that returns such a sampler is called with the size of the film and the
+        number of samples per pixel.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The plugin for scalar variants: one sample after the other, by compiled functions or by JAX."""
+"""The plugin for scalar variants: one sample after another, by compiled functions or by JAX."""
 
 import copy
 from functools import lru_cache, partial
@@ -14,7 +14,7 @@ from qmcjax.core import checks
 
 
 def scalar(mitsuba: ModuleType) -> type:
-    """Return the class for scalar variants: one sample after the other."""
+    """Return the class for scalar variants: one sample after another."""
     import drjit  # pyright: ignore[reportMissingImports]
 
     class ScalarSampler(mitsuba.Sampler):
@@ -26,7 +26,7 @@ def scalar(mitsuba: ModuleType) -> type:
             self.number, self.end = 0, 0
 
         def fork(self) -> Any:
-            """Return a sampler for one thread: without Python in images, where there is a compiler."""
+            """Return a sampler for one thread, without Python in images if there is a compiler."""
             if self.given.in_use() and register_native(mitsuba.variant()):
                 made = self._native_copy()
                 if made is not None:
@@ -99,7 +99,7 @@ def scalar(mitsuba: ModuleType) -> type:
             return numbers
 
         def _blocks(self, window: Window) -> Blocks:
-            # Dr.Jit renders in its threads and in the calling one.
+            # Dr.Jit renders in its threads and in the calling thread.
             side = block_side(window, drjit.thread_count() + 1, self.given.block_side)
             return blocks(mitsuba.Spiral, window, side)
 

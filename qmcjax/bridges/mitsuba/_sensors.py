@@ -1,4 +1,4 @@
-"""Samplers in scenes that are loaded already, whatever their sensors."""
+"""Samplers in loaded scenes, for any sensor."""
 
 from collections.abc import Callable
 from os import PathLike
@@ -13,7 +13,7 @@ from qmcjax.core import checks
 def render(
     scene: Any, sampler: Any, spp: int | None = None, seed: int = 0, key: int = 0, sensor: int = 0
 ) -> Any:
-    """Render a scene of Mitsuba 3 with a sampler in the place of the scene's own.
+    """Render a Mitsuba 3 scene with another sampler.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def render(
     sampler : Sampler, object with the methods of one, function, or mitsuba.Sampler
         As for :func:`wrap`: a function of ``(width, height, spp)`` is called with the size of the film.
     spp : int, optional
-        Samples per pixel, by default those of the scene's own sampler.
+        Samples per pixel, by default those of the sampler in the scene.
     seed : int
         The number of the image: image ``seed`` takes the samples from ``seed * spp`` on.
     key : int
@@ -41,7 +41,7 @@ def render(
         If Mitsuba is not installed.
     TypeError, ValueError
         If ``scene`` is neither the path of a file nor a scene of the current variant, if it has no such
-        sensor, or if the sampler does not fit to the film.
+        sensor, or if the sampler does not fit the film.
 
     See Also
     --------
@@ -57,7 +57,7 @@ def render(
     own = sensor_of(scene, sensor).sampler().sample_count()
     spp = checks.integer("spp", own if spp is None else spp, 1, LIMIT)
     seed = checks.integer("seed", seed, 0, LIMIT)
-    # Scalar variants make seeds of pixels of it: theirs must be 0.
+    # Scalar variants derive seeds of pixels from it: theirs must be 0.
     first = 0
     if mitsuba.variant().startswith("scalar") and not isinstance(sampler, mitsuba.Sampler):
         seed, first = 0, checks.integer("seed * spp", seed * spp, 0, LIMIT)
@@ -68,7 +68,7 @@ def render(
 def sensor_with(
     scene: Any, sampler: Any, sensor: int = 0, key: int = 0, first_sample: int = 0, film: Any = None
 ) -> Any:
-    """Return a sensor of a scene with a sampler in the place of its own.
+    """Return a sensor of a scene with another sampler.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def sensor_with(
     first_sample : int
         The index of the first sample.
     film : mitsuba.Film, optional
-        In the place of the sensor's own, which it shows on other pixels: it should have the same aspect.
+        Replaces the film of the sensor, and shows it on other pixels: it should have the same aspect ratio.
 
     Returns
     -------
@@ -95,8 +95,8 @@ def sensor_with(
 
     Notes
     -----
-    It asks the scene's sensor for rays. In scalar variants this is one call of Python per sample: sensors
-    that are described with the plugin are faster.
+    It requests rays from the scene's sensor. In scalar variants this is one Python call per sample: sensors
+    defined with the plugin are faster.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def sensor_of(scene: Any, number: Any) -> Any:
 def delegate(
     mitsuba: Any, sensor: Any, film: Any, sampler: Any, moved: Callable[[Any], Any] = lambda given: given
 ) -> Any:
-    """Return a sensor that asks another one for rays, at positions that may be moved on its film."""
+    """Return a sensor that requests rays from another one, optionally at moved positions on its film."""
 
     class Delegate(mitsuba.Sensor):
         def __init__(self, properties: Any) -> None:

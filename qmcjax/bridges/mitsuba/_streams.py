@@ -1,4 +1,4 @@
-"""Samples of pixels for Mitsuba's samplers, which only get counts and a seed, request by request."""
+"""Samples of pixels for Mitsuba samplers, which receive only counts and a seed, request by request."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class Window:
 
 @dataclass(frozen=True)
 class Block:
-    """Samples of the pixels of a square in a window, in Morton order; those of a pixel are adjacent.
+    """Samples of the pixels of a square in a window, in Morton order; samples of a pixel are adjacent.
 
     A square may extend beyond an edge: the last column and row replace missing ones.
     """
@@ -45,7 +45,7 @@ class Block:
         return self.side**2 * self.per_pixel
 
     def where(self, numbers: Words) -> tuple[Words, Words, Words]:
-        """Return column, row, and index in its pixel, of some of the samples."""
+        """Return column, row, and index in its pixel of the given samples."""
         pixel, sample = np.divmod(numbers, np.uint32(self.per_pixel))
         last = self.window.width - 1, self.window.height - 1
         x, y = (
@@ -113,9 +113,9 @@ _NO_ROWS = 0, 0, memoryview(b""), memoryview(b"")
 
 
 class Stream:
-    """Samples of pixels, with requests for one pair of coordinates after the other.
+    """Samples of pixels, with requests for one pair of coordinates after another.
 
-    Each request takes the next pair: pairs stay together, in which most samplers are best.
+    Each request consumes the next pair: this keeps pairs together, in which most samplers are best.
     """
 
     def __init__(self) -> None:
@@ -135,7 +135,7 @@ class Stream:
         self._pair = 0
 
     def next(self, number: int) -> tuple[float, float]:
-        """Consume a pair of coordinates, and return that of one sample: its tile is computed once."""
+        """Consume a pair of coordinates, and return it for one sample; its tile is computed once."""
         if self.samples is None:
             raise ValueError("seed or seek must set the pixels before coordinates are requested")
         pair = self._pair

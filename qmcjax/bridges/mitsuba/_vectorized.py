@@ -1,4 +1,4 @@
-"""The plugin for LLVM and CUDA variants: a sampler's program becomes part of what they compile."""
+"""The plugin for LLVM and CUDA variants, which compile the program of a sampler into theirs."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -30,14 +30,14 @@ class Recorded:
             (Evaluated(arrays, first_of(program), tables), Evaluated(arrays, program, tables))
             for program in (*map(programs.own, range(self.count)), programs.padding())
         ]
-        # In memory, not part of what is compiled: another key does not compile again.
+        # In memory, not a compiled constant: another key does not recompile.
         self.seeds = [arrays.drjit.opaque(arrays.uint, int(word)) for word in programs.seeds]
         self._switch, self._minimum = arrays.drjit.switch, arrays.drjit.minimum
 
     def pair(
         self, wanted: int, number: int | None, least: int, pair: Any, members: Sequence[Any], sample: Any
     ) -> Sequence[Any]:
-        """Return one or both coordinates of a pair: its number is known while it is recorded, or an array.
+        """Return one or both coordinates of a pair; its number is known while recording, or an array.
 
         ``least``: a lower bound of the numbers. ``members``: of the pixels.
         """
@@ -46,7 +46,7 @@ class Recorded:
         words = [*self.seeds, *members]
         if number is not None or len(choices) == 1:
             return self._choose(choices[0], words, pair, sample)
-        # Calls take as arguments what one of them uses.
+        # Calls take as arguments everything that one of them uses.
         used = sorted(
             set().union(*(choice.used for choice in choices)) & set(range(len(self.seeds), len(words)))
         )
@@ -111,7 +111,7 @@ def vectorized(mitsuba: ModuleType) -> type:
             other = self.fork()
             for name in ("recorded", "last", "least", "end", "step", "seeded", "checked"):
                 setattr(other, name, getattr(self, name))
-            # Loops change arrays of their state in place: copies have arrays of their own.
+            # Loops change arrays of their state in place: copies need their own arrays.
             other.sample, other.pair, *other.members = copy_arrays(self.sample, self.pair, *self.members)
             return other
 
@@ -129,7 +129,7 @@ def vectorized(mitsuba: ModuleType) -> type:
                 start %= checks.INDEX_LIMIT
             pixel, sample = self._divide(drjit.arange(word, wavefront_size), per_pixel)
             row, column = self._divide(pixel, window.width)
-            # In memory, not part of what is compiled: another window, or seed, does not compile again.
+            # In memory, not a compiled constant: another window or seed does not recompile.
             left, top, first = (
                 drjit.opaque(word, each) for each in (window.left, window.top, start % checks.INDEX_LIMIT)
             )

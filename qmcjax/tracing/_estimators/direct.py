@@ -1,4 +1,4 @@
-"""Direct light: surfaces lit by lights alone, seen directly and in mirrors."""
+"""Direct light: surfaces lit only by lights, seen directly and in mirrors."""
 
 from dataclasses import field
 from typing import Any
@@ -75,30 +75,30 @@ def _follow_mirrors(
 
 
 def direct_light(world: World, camera: Camera, mirrors: int = 0, *, smooth: bool = False) -> DirectLight:
-    """Make the scene of a world with direct light and shadows.
+    """Make a scene of a world with direct light and shadows.
 
-    One of several lights is chosen with equal probability by the coordinate ``light``, and a point on it by
-    ``light_u`` and ``light_v``. Lights and emitters are visible where rays hit them.
+    The coordinate ``light`` chooses one of several lights with equal probability, and ``light_u`` and
+    ``light_v`` a point on it. Lights and emitters are visible where rays hit them.
 
     Parameters
     ----------
     world : World
     camera : Camera
     mirrors : int, optional
-        Maximum number of mirrors on a path, in [0, 64]; what is seen through more of them is black.
-        Microfacets reflect lights, not other surfaces.
+        Maximum number of mirrors on a path, in [0, 64]; further reflections are black. Microfacets reflect
+        lights, not other surfaces.
     smooth : bool, optional
-        True asserts that no visibility edge moves with the parameters that are differentiated: then all
-        derivatives are given. By default, derivatives with respect to shapes, motions, the camera and
-        positions of lights raise an error, since derivatives of samples miss what moving edges do to means.
-        Derivatives with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black:
-        no light is followed there.
+        True asserts that no visibility edge moves with the differentiated parameters: then all derivatives
+        are available. By default, derivatives with respect to shapes, motions, the camera and positions of
+        lights raise an error, since derivatives of samples miss the effect of moving edges on means.
+        Derivatives with respect to colours, roughness, radiance and intensity are unbiased, but 0 at black,
+        where no light is traced.
 
     Returns
     -------
     DirectLight
-        A scene with values (..., 3) that needs ``x, y[, time][, lens_u, lens_v][, light][, light_u,
-        light_v]``, without those that do not matter.
+        A scene with values (..., 3). It needs ``x, y[, time][, lens_u, lens_v][, light][, light_u,
+        light_v]``, without unused ones.
 
     Examples
     --------

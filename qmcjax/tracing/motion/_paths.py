@@ -1,7 +1,7 @@
-"""Paths as tables: rows for each time, and curves as linear segments that end where the direction jumps.
+"""Paths as tables: a row for each time, and curves as linear segments that end where the direction jumps.
 
-Arrays with a short last axis do not fill the vector units of a processor, so motions compute with components
-and stack them at the end.
+Arrays with a short last axis do not fill SIMD registers, so motions compute with components and stack them at
+the end.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _FEW = 16
 
 
 def span(times: Array, time: Array) -> Array:
-    """Return the interval between increasing numbers that contains others; outside, the first or the last."""
+    """Return the intervals between increasing numbers that contain ``time``; outside, the first or last."""
     inner = times[1:-1]
     if len(inner) >= _FEW:
         return jnp.searchsorted(inner, time, side="right").astype(jnp.int32)
@@ -117,7 +117,7 @@ def linear_segments(times: ArrayLike, points: ArrayLike) -> LinearSegments:
 def approximated(curve: Curve, start: float, end: float, segments: int, corners: Any = ()) -> LinearSegments:
     """Approximate a motion by linear segments that end where its direction jumps.
 
-    Its points lie on the curve. Without an end there, a bouncing ball would never touch the floor [1]_.
+    The ends lie on the curve. Without an end at the jump, a bouncing ball would never touch the floor [1]_.
 
     Parameters
     ----------
@@ -126,10 +126,10 @@ def approximated(curve: Curve, start: float, end: float, segments: int, corners:
     start, end : float
         The interval of times, ``start < end``.
     segments : int
-        Their number, in [1, 65536], and more than there are corners. Each interval between corners gets a
-        share in proportion to its length, and at least one.
+        Number of segments, in [1, 65536], larger than the number of corners. Each interval between corners
+        gets a share proportional to its length, at least one.
     corners : float ArrayLike, shape (k,), optional
-        Times strictly inside the interval at which the direction jumps, such as :attr:`Nurbs.corners`.
+        Times strictly inside the interval where the direction jumps, such as :attr:`Nurbs.corners`.
 
     References
     ----------

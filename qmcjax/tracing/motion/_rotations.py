@@ -17,11 +17,11 @@ from qmcjax.core.parameters import cast, floats, numbers, require, together
 from qmcjax.core.pytrees import frozen_pytree
 
 UNIT = 1e-4
-"""How far from 1 the length of a quaternion may be to count as a rotation; it is normalized."""
+"""Tolerance of the length of a quaternion from 1; it is normalized."""
 
 
 def unit_quaternions(name: str, value: Any, shape: tuple[int | None, ...]) -> Any:
-    """Return quaternions normalized, or raise a ValueError if one is known not to have unit length."""
+    """Return normalized quaternions, or raise a ValueError if one is known not to have unit length."""
     given = numbers(name, value, (*shape, 4))
     require(name, given, lambda q: abs(np.linalg.norm(q, axis=-1) - 1) < UNIT, "of unit length")
     norm = (jnp if isinstance(given, Tracer | Array) else np).linalg.norm(given, axis=-1, keepdims=True)
@@ -63,8 +63,8 @@ def quaternion(axis: ArrayLike, angle: ArrayLike) -> Array:
 def _sine_and_cosine(angle: Array) -> tuple[Array, Array]:
     """Return sines and cosines of angles.
 
-    XLA on processors computes them anew for each number that depends on them, 20 times for a motion, except
-    where they come from a branch.
+    XLA on CPUs recomputes them for each dependent number, 20 times for a motion, unless they come from a
+    branch.
     """
     if not backends.current().caches:
         return _functions(angle)
@@ -121,7 +121,7 @@ def rotation_matrix(q: Array) -> Array:
         (2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)),
         (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)),
     )
-    # Columns first: code that takes them apart in the same order gets the components as they are here.
+    # Columns first: code that unpacks them in the same order gets these components.
     return jnp.stack([jnp.stack(column, axis=-1) for column in columns], axis=-1)
 
 
@@ -172,7 +172,7 @@ def slerp(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
 
 
 def _shorter(q: Array) -> Array:
-    """Return the one of q and -q, the same rotation, that turns by at most half a turn."""
+    """Return q or -q, the same rotation, whichever turns by at most half a turn."""
     return jnp.where(q[..., 3:] < 0, -q, q)
 
 
@@ -219,7 +219,7 @@ def rotation_spline(times: ArrayLike, keys: ArrayLike) -> RotationSpline:
     times : float ArrayLike, shape (n,)
         Two or more, increasing.
     keys : float ArrayLike, shape (n, 4)
-        Unit quaternions ``(x, y, z, w)``: the rotations at these times, each reached the shorter way.
+        Unit quaternions ``(x, y, z, w)``: the rotations at these times, interpolated the shorter way.
 
     Returns
     -------
@@ -251,9 +251,9 @@ def rotation_box(points: ArrayLike, axis: ArrayLike, start: ArrayLike, end: Arra
     .. math:: A \cos\theta + B \sin\theta + C, \quad C = a_j (a \cdot p), \quad A = p_j - C,
               \quad B = (a \times p)_j,
 
-    with the largest value :math:`C + \sqrt{A^2 + B^2}` at :math:`\operatorname{atan2}(B, A)` and all full
-    turns from there, and the smallest half a turn later. If the range of angles contains none of these, its
-    ends decide.
+    with the largest value :math:`C + \sqrt{A^2 + B^2}` at :math:`\operatorname{atan2}(B, A)`, up to full
+    turns, and the smallest half a turn later. If the range of angles contains none of these, the extrema are
+    at its ends.
 
     Parameters
     ----------
@@ -306,6 +306,6 @@ def _box(points: Array, axis: Array, start: Array, end: Array) -> tuple[Array, A
 
 
 def _contains_angle(angle: Array, first: Array, last: Array) -> Array:
-    """Whether ``angle``, up to full turns, is between two angles."""
+    """Return whether ``angle``, up to full turns, is between two angles."""
     turn = np.asarray(2 * np.pi, angle.dtype)
     return angle + turn * jnp.ceil((first - angle) / turn) <= last

@@ -54,8 +54,8 @@ class Straightened:
 def straightened(motion: Callable[[Array], tuple[Array, Array]], times: ArrayLike) -> Straightened:
     """Approximate a motion by linear segments: every point moves on straight lines between given times.
 
-    Objects are exact at these times; in between, rotating objects shrink, half-way by 1 - cos(angle / 2) of
-    their radius.
+    Objects are exact at these times; in between, rotating objects shrink, half-way by the fraction
+    1 - cos(angle / 2) of their radius.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Ray intersection as loops compiled by Numba, called by programs for CPUs.
 
-A world consists of spaces, one for all still objects and one per moving object; a space has unbounded
-primitives, which all rays test, and trees. In a tree, a ray tests the boxes of eight children at once, goes
-to the nearest one first and keeps the others on a stack.
+A world consists of spaces, one for all still objects and one per moving object. A space has unbounded
+primitives, which all rays test, and trees. In a tree, a ray tests the boxes of eight children at once, visits
+the nearest one first and keeps the others on a stack.
 """
 
 from typing import Any, NamedTuple

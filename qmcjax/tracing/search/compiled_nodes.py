@@ -1,4 +1,4 @@
-"""Trees for compiled loops: each node holds the boxes of up to eight children.
+"""Trees for compiled loops: each node contains the boxes of up to eight children.
 
 A node is 7 rows of 8 numbers, one for each child: x, y and z of the low corners, of the high corners, and
 integers in the same memory. An integer is the first row of a node, or ``~k`` for a leaf: k is the first row
@@ -54,7 +54,7 @@ class Primitives(NamedTuple):
     """Primitives without a tree of their own."""
 
     given: Any
-    """For each 9 numbers, 9 for the end of the shutter, and 6 of its box."""
+    """For each primitive 9 numbers, 9 for the end of the shutter, and 6 of its box."""
     kinds: Any
     numbers: Any
 

@@ -19,7 +19,7 @@ WIDTH = 16
 
 
 class Ray(NamedTuple):
-    """A ray in object space, and what tests need of it."""
+    """A ray in object space, with precomputed values for tests."""
 
     origin: Any
     direction: Any

@@ -6,9 +6,9 @@ JAX 0.10 on one core, and where devices share a program).
 
 A call builds the trees: those of meshes get boxes for the current vertices, and primitives without a tree get
 one. The next call reuses them if it gets the same
-numbers. Rays are searched in pieces, by threads as they become free. OpenMP threads, Numba's default, get
-equal parts: on a processor with other load all wait for the slowest in a busy loop, eight times as long as
-one thread takes.
+numbers. Rays are searched in pieces, by threads as they become free. OpenMP threads, the default of Numba,
+get equal parts: on a loaded CPU all wait for the slowest in a busy loop, eight times as long as one thread
+takes.
 """
 
 import os
@@ -52,7 +52,7 @@ def share_work(work: Callable[[Any], None], pieces: Iterable[Any]) -> None:
     helping = [pool.submit(some) for _ in pieces[1 : count + 1]] if pool is not None else []
     some()
     for helper in helping:
-        # One that has not begun would find nothing to do.
+        # A helper that has not started would find nothing to do.
         if not helper.cancel():
             helper.result()
 
@@ -80,7 +80,7 @@ class _Plan(NamedTuple):
 
 
 class _CachedTrees:
-    """The trees of a world, kept for the next call: a program often passes the same numbers again."""
+    """The trees of a world, cached for the next call, since a program often passes the same numbers again."""
 
     def __init__(self, plan: _Plan) -> None:
         self._plan = plan

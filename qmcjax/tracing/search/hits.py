@@ -1,4 +1,4 @@
-"""The nearest hit of rays, differentiable, and whether there is any hit."""
+"""The nearest hit of rays, differentiable, and tests for any hit."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     """Find the nearest hits of rays.
 
     A ray that starts on a surface, up to about 16 units of rounding of its coordinates (also in object
-    space), does not hit it there: ``hit.point`` can be the origin of the next ray. In float32, keep objects
-    larger than about a thousandth of their distance from the origin of coordinates: at that size about 2 % of
-    the rays into a mesh miss its other side, and more for smaller boxes and cylinders. Rays with non-finite
-    numbers or a direction of zero length hit nothing. Directions may have any length from 1e-30 on, in
-    float64 from 1e-292; shorter ones are an error. While a program is traced, the length is not known: small
-    components of shorter directions count as 0.
+    space), does not hit it there: use ``hit.point`` as the origin of the next ray. In float32, keep objects
+    larger than about 1/1000 of their distance from the coordinate origin: at that size about 2 % of the rays
+    into a mesh miss its other side, and more for smaller boxes and cylinders. Rays with non-finite numbers or
+    a zero direction hit nothing. Directions must be at least 1e-30 long, in float64 1e-292; shorter ones
+    raise an error. While a program is traced, the length is unknown: small components of shorter directions
+    count as 0.
 
     Parameters
     ----------
@@ -56,8 +56,8 @@ def nearest_hit(world: World, origin: ArrayLike, direction: ArrayLike, time: Arr
     Returns
     -------
     Hit
-        Distance, normal and point have the dtype of ``origin``, float32 or float64, and first derivatives in
-        all numbers of rays and world; the choice of the primitive has no derivative.
+        Distance, normal and point have the dtype of ``origin``, float32 or float64, and first derivatives
+        with respect to rays and world; the choice of the primitive has no derivative.
 
     Examples
     --------
@@ -125,9 +125,9 @@ def flat_rays(
 
 
 def _check_lengths(direction: Any, dtype: np.dtype) -> None:
-    """Raise a ValueError if a direction is known to be so short that programs lose components, or too long.
+    """Raise a ValueError if a direction is known to be too long, or so short that programs lose components.
 
-    They take numbers that are not normal for 0.
+    Programs flush subnormal numbers to 0.
     """
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(direction)):
         return

@@ -1,8 +1,8 @@
-"""The nearest hits of rays by the fastest method, with everything that is differentiable about them.
+"""The nearest hits of rays by the fastest method, with their derivatives.
 
 A JAX program tests primitives without a tree in fused loops over tiles of rays and traverses trees
-(``program``). On processors with numba installed, worlds of more than a few primitives are searched by
-compiled loops (:mod:`qmcjax.tracing.search.compiled_world`). All find the same hits, up to rounding.
+(``program``). On CPUs with Numba installed, compiled loops search worlds of more than a few primitives
+(:mod:`qmcjax.tracing.search.compiled_world`). All methods find the same hits, up to rounding.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Z paper Fig. 1: an interior at one sample a pixel by four samplers, and the spectra of their errors."""
+"""Z paper Fig. 1: an interior at one sample per pixel by four samplers, and the spectra of their errors."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -127,7 +127,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         f"our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces, one key; filtered "
         "error: RMS "
         "after a Gaussian of 1.5 pixels;\nranked keys: ours, after Heitz et al.; low frequencies: power "
-        f"below 1/16 of a cycle per pixel; spectra are means of {SMOOTH} x {SMOOTH} frequencies"
+        f"below 1/16 cycle per pixel; spectra are means of {SMOOTH} x {SMOOTH} frequencies"
     )
     figure = image_sheets.image_sheet(title, rows, panel=256)
     note = NOTE.format(

@@ -27,7 +27,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     panels = figure.subplots(1, 2)
     write(panels[0], index, binary, r"binary: $y_2 x_2 y_1 x_1 y_0 x_0$", 1)
-    write(panels[1], index, quaternary, "base 4: one digit a level of quadrants", 2)
+    write(panels[1], index, quaternary, "base 4: one digit per level of quadrants", 2)
     labels = [format(i, f"0{BITS}b") for i in range(SIDE)]
     panels[0].set(xlabel="x", ylabel="y", xticks=range(SIDE), yticks=range(SIDE))
     panels[0].set_xticklabels(labels)

@@ -17,7 +17,7 @@ from qmcjax import samplers, sequences
 SIDE, FRAME, KEY = 128, 256, 1
 
 GRID = 256
-"""The compared sampler's tables hold 8 bits a coordinate."""
+"""The compared sampler's tables hold 8 bits per coordinate."""
 
 TITLES = {
     "Z": "(a) Z",

@@ -88,7 +88,7 @@ BESIDE_WINDOW = (
 
 EXPLAINED = (
     "Filtered is the RMS error after a Gaussian of 1.5 pixels; power is 1 for white noise, low is its mean "
-    "below 1/16 of a cycle per pixel. Measures are over three colours, less the reference's own error, which "
+    "below 1/16 cycle per pixel. Measures are over three colours, less the reference's own error, which "
     "is white noise."
 )
 

@@ -1,4 +1,4 @@
-"""Images of traced scenes by one compiled program a scene, whatever the sampler, size and count."""
+"""Images of traced scenes by one compiled program per scene, whatever the sampler, size and count."""
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial

@@ -22,13 +22,13 @@ STRONGEST = 0.01
 """The part of an image's frequencies whose share of the power shows regular structures."""
 
 LOW = 1 / 16
-"""Cycles a pixel, below which the eye sees errors at a distance."""
+"""Cycles per pixel, below which the eye sees errors at a distance."""
 
 SHARE, POWER = "share of the strongest 1 % of frequencies", "power at low frequencies"
 
 EXPLAINED = (
     "In white noise the strongest 1 % of frequencies hold 0.06 of the power, in regular structures "
-    "up to all of it. The power at low frequencies, below 1/16 of a cycle a pixel, is 1 for white noise."
+    "up to all. The power at low frequencies, below 1/16 cycle per pixel, is 1 for white noise."
 )
 """What `structure` measures."""
 

@@ -131,7 +131,7 @@ def compare(name: str, device: Any, other: Any, fast: Sizes, slow: Sizes, least:
 
 
 def _rate(name: str, device: Any, sizes: Sizes, least: float) -> tuple[float, NDArray]:
-    """Return samples a second, and those of the first call."""
+    """Return samples per second, and those of the first call."""
     with jax.default_device(device):
         program = programs(*sizes)[name]()
         arguments = jax.device_put(program.arguments, device)

@@ -30,7 +30,7 @@ SAH, CENTRES = "surface area heuristic", "2-means of centres"
 
 NOTE = (
     f"Summed areas and nodes of {{side}} x {{side}} primary rays relative to the tree of the surface "
-    "area heuristic; one triangle a leaf. All but the last two builders take the split of least c(j), "
+    "area heuristic; one triangle per leaf. All but the last two builders take the split of least c(j), "
     "Eq. 4.1, among their candidates: along three axes, along one curve, or of two pairs of clusters. "
     "2-means uses the metric for boxes; 'of centres' clusters points. Quadratic splits try all pairs of "
     f"boxes, feasible for at most {QUADRATIC}; 'filled' keeps 40 % of the boxes in each group. The fan: "

@@ -44,7 +44,7 @@ ROWS = (
 )
 
 NOTE_4_2 = (
-    "One triangle a leaf; areas relative to the root, so that the summed area is the mean number of "
+    "One triangle per leaf; areas relative to the root, so that the summed area is the mean number of "
     "nodes visited by lines spread evenly through the root. Nodes visited: by {side} x {side} primary "
     "rays, and diffuse ones from their hits; processor seconds in NumPy. As in the thesis, the area "
     "falls for triangles of many sizes, as in buildings, and little for triangles of similar size, as "

@@ -21,7 +21,7 @@ SIDE_4_1 = {"draft": 48, "paper": 288}
 
 NOTE_4_1 = (
     "{side} x {side} rays through pixel centres; a node counts if its box is entered on the way to the "
-    "nearest hit, nearer children first; one triangle a leaf. The tree is that of the surface area "
+    "nearest hit, nearer children first; one triangle per leaf. The tree is that of the surface area "
     "heuristic by an exact sweep, then one run over the whole tree with subtrees of up to 8 leaves. "
     "Both images of a mesh share a scale. The thesis shows one pair of images as the improvement. Ours "
     "get darker in some places and brighter in others: nodes that move up in the tree are visited by "

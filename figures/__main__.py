@@ -1,8 +1,8 @@
 """Make the figures: ``qmcjax [names...] [--all] [--list] [--out DIR] [--quality draft|paper]``.
 
 Each figure becomes ``<name>.png`` in the output folder, and what it measured stands beside what the
-papers print in ``numbers.json`` there; ``index.html`` there shows all of it. A second run makes only
-what is missing or whose code changed.
+papers print in ``numbers.json`` there; ``index.html`` shows the pictures and the findings. A second run makes
+only what is missing or whose code changed.
 """
 
 import argparse
@@ -142,7 +142,7 @@ def _choose(options: argparse.Namespace, catalogue: Mapping[str, Entry]) -> list
 def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -> bool:
     """Write the page, say where it is, and return whether that went well."""
     try:
-        print(f"{page.write(folder, catalogue, failed)}: all of it, for a browser")
+        print(f"{page.write(folder, catalogue, failed)}: open it in a browser")
     except OSError as error:
         print(f"the page cannot be written: {error}", file=sys.stderr)
         return False

@@ -47,7 +47,7 @@ examples:
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
 
 Each figure becomes <name>.png in the output folder; what was measured stands beside what the
-papers print in numbers.json there; index.html there shows all of it. A second run makes only what
+papers print in numbers.json there; index.html there shows the figures. A second run makes only what
 is missing or whose code or quality changed. Compiled programs are kept in the user's folder for caches,
 at most 1 GiB, so that another run need not compile them; in paper quality figures that measure time
 compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,

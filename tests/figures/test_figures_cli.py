@@ -137,7 +137,7 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     status, stdout, stderr = project.run()
     assert (status, stderr) == (0, "")
     assert re.fullmatch(
-        r"one: \d+\.\d s\ntwo: \d+\.\d s\nout/index.html: all of it, for a browser\n"
+        r"one: \d+\.\d s\ntwo: \d+\.\d s\nout/index.html: open it in a browser\n"
         r"(peak memory of all processes: \d\.\d\d GB\n)?imported: set\(\)\n",
         stdout,
     )

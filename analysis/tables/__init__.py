@@ -1,4 +1,4 @@
-"""Programs that made the data of the library: ``python -m analysis.tables`` lists them. Not in the wheel."""
+"""Programs that made the data of the library; ``python -m analysis.tables`` lists them. Not in the wheel."""
 
 from pathlib import Path
 

@@ -1,8 +1,8 @@
-"""Make data of the library again: ``python -m analysis.tables NAME ...``.
+"""Regenerate data of the library: ``python -m analysis.tables NAME ...``.
 
-Without a name, all are listed. Each program yields its table, once or each time that it is better or more
-complete; what is stored takes its place at once. Programs that compare sums in floating point may end in
-other tables on another processor.
+Without a name, all programs are listed. Each yields its table, once or whenever it is better or more
+complete; it replaces the stored one immediately. Programs that compare floating point sums may end in other
+tables on another CPU.
 """
 
 import argparse

@@ -1,12 +1,12 @@
 """Search for point sets of small discrepancy, keep the best of each size, and certify them.
 
-Run as long and as often as you like: each size is searched for a minute, starting from the stored points.
-Points are stored as 32-bit fractions, and the discrepancy of these counts. A set is replaced only by a better
-one.
+Run it as long and as often as you like: each size is searched for a minute, starting from the stored points.
+Points are stored as 32-bit fractions, whose discrepancy counts. A set is replaced only by a better one.
 
-``python -m analysis.tables.discrepancy_records`` prints certificates of all of them, ``... 3 4`` of those in
-three and four dimensions, by exact rational arithmetic, apart from the measures' code: the exact value,
-rounded up to twelve decimals, and for the star discrepancy the box where it is attained, in units of 2^-32.
+``python -m analysis.tables.discrepancy_records`` prints certificates of all sets, ``... 3 4`` of those in
+three and four dimensions. They use exact rational arithmetic, independent of the measures' code, and give the
+exact value, rounded up to twelve decimals, and for the star discrepancy the box where it is attained, in
+units of 2^-32.
 """
 
 import sys

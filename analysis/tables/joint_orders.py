@@ -1,26 +1,26 @@
 """Search for orders of all coordinates together: a linear map over F2 from the bits of a pixel to an index.
 
-As in ``optimized_orders``, the objective is the mean square of an image's error after a Gaussian
-filter, in closed form over all nested uniform scramblings, so the covariance of two blocks is a function of
-the xor of their numbers. The number of a pixel's block is a linear function of the bits of its coordinates.
-Then the xor of the numbers of two pixels is a linear function of the xor of their coordinates, so that all
-pixels have the same neighbourhood up to the carries of an addition, the objective is a sum over few such
-xors, and the order is a word for each bit of x and y.
+As in ``optimized_orders``, the objective is the mean squared error of an image after a Gaussian filter, in
+closed form over all nested uniform scramblings. So the covariance of two blocks is a function of the xor of
+their numbers. The number of a pixel's block is a linear function of the bits of its coordinates. Then the xor
+of the numbers of two pixels is a linear function of the xor of their coordinates: all pixels have the same
+neighbourhood up to the carries of an addition, the objective is a sum over few such xors, and the order is a
+word for each bit of x and y.
 
-Bits of a level of the quadtree go to digits of the same and finer levels only: every aligned square keeps one
+Bits of a level of the quadtree go only to digits of the same and finer levels: every aligned square keeps one
 contiguous aligned block of indices, and with it the net of the sequence. Changing the last digits, those of
-samples in a pixel, leaves all blocks as they are; these are searched for the first samples of the pixels.
+samples in a pixel, does not change the blocks; these are searched for the first samples of the pixels.
 
 The kernels of the covariance are those of random half spaces, minus the distance of the points [1]_, and of
 smooth random integrands, exp(-4 |a - b|**2), with equal weights, relative to the errors along the Hilbert
 curve. Kernels are sums of products over the coordinates: the distance is a mixture of Gaussians.
 
-What bounds it, for one sample in four coordinates on a tile of 64 x 64 pixels, as filtered errors relative
-to Hilbert's: 0.833 for these maps, 0.812 for linear maps whose squares have no blocks, whose errors after a
-Gaussian of 6 pixels are larger, by 41 % for half spaces. Exchanging any two pixels, annealed from both, ends
-at 0.831 and 0.812; permutations of quadrants, searched as in ``optimized_orders``, at 0.896. A permutation
-made for one key of the scrambling has 0.777 for that key, where these maps have 0.823, but 0.93 and 0.96
-after two random digital shifts of its points.
+Limits, for one sample in four coordinates on a tile of 64 x 64 pixels, as filtered errors relative to those
+along the Hilbert curve: 0.833 for these maps; 0.812 for linear maps without blocks in squares, but their
+errors after a Gaussian of 6 pixels are larger, by 41 % for half spaces. Annealing that exchanges any two
+pixels ends at 0.831 and 0.812 when started from these; permutations of quadrants, searched as in
+``optimized_orders``, at 0.896. A permutation optimised for one key of the scrambling has 0.777 for that key,
+where these maps have 0.823, but 0.93 and 0.96 after two random digital shifts of its points.
 
 References
 ----------

@@ -2,17 +2,17 @@
 
 **In the plane.** Together with i / 2**m, a matrix C gives a (0,m,2)-net if and only if all its leading minors
 are 1. The annealing flips entries and rejects matrices without this property. Its energy is the number of
-pairs of points closer than a target: zero if that is reached. Matrices of order 7 and 9 that reach theirs
-have smaller such matrices in their middle, which are kept.
+pairs of points closer than a target: zero if the target is reached. Matrices of order 7 and 9 that reach
+their targets have smaller such matrices in their middle, which are kept.
 
 Larger nets come from two of the matrices, of order 6 and 9, as diag(1, C, 1), repeatedly: see
-:func:`qmcjax.sequences.optimized_net`. There a pair that crosses a side border may in the end come
-closer by a unit in y, and one that crosses the upper border by a unit in x. These two matrices are searched
-until one reaches its target in spite of this loss.
+:func:`qmcjax.sequences.optimized_net`. There a pair across a side border may come closer by a unit in y, and
+a pair across the upper border by a unit in x. These two matrices are searched until one reaches its target in
+spite of this loss.
 
 **In space.** The (0,m,3)-nets and the (0,2)-sequence are results of :func:`analysis.search_matrices`. Longer
-searches with the same method showed that the targets are within reach in short time. They need not be the
-largest distances. Of rank-1 lattices all pairs of components are compared.
+searches with the same method showed that the targets can be reached in short time. They may not be the
+largest distances. For rank-1 lattices all pairs of components are compared.
 """
 
 import math

@@ -1,19 +1,19 @@
 """Search for orders of pixels and words of frames together, for animations in four coordinates.
 
-In an animation, point i of frame t is point i of Sobol's sequence xor a word of t, as in
+In an animation, point i of frame t is point i of the Sobol' sequence xor a word of t, as in
 :func:`qmcjax.sequences.in_time`: the triangle L of binomial coefficients times a point of another digital
-sequence, of upper triangular regular matrices T_j. Whichever these are, each coordinate is stratified in
-every aligned window of pixels and frames. Up to scramblings no other matrices do that: with k columns, all
-windows of k rows must be regular, so row after row each column follows from k bits, and that is L times an
+sequence with upper triangular regular matrices T_j. For any such T_j, each coordinate is stratified in every
+aligned window of pixels and frames. Up to scramblings, no other matrices have this property: with k columns,
+all windows of k rows must be regular, so k bits determine each column, row after row, which gives L times an
 upper triangular matrix.
 
 The index of a pixel's block is a linear map of the bits of its coordinates, as in ``joint_orders``. So
-two samples in space and time have a covariance that depends on the xor of their coordinates and frames
-alone. The mean squares of errors after several filters in space and time are sums over few such xors, and
-the words of the bits of x and y, and the first columns of T_j, are annealed for the least geometric mean.
+the covariance of two samples in space and time depends only on the xor of their coordinates and frames. The
+mean squares of errors after several filters in space and time are sums over few such xors. Annealing finds
+the words of the bits of x and y, and the first columns of T_j, for the smallest geometric mean.
 
 The filters are those of figure ``designed-samplers``: a Gaussian of 1.5 pixels for one frame, with a moving
-average of 0.1, and with a Gaussian of 1.5 frames; the moving average alone; blocks of eight frames alone.
+average of 0.1, and with a Gaussian of 1.5 frames; only the moving average; only blocks of eight frames.
 """
 
 from collections.abc import Callable, Iterator

@@ -23,14 +23,14 @@ a sum over pairs of pixels of a table of the xor of their positions. Each number
 relative to the variance of a pixel, but all have the same positions. So the mean over 1, 2, ..., 4096 samples
 is the same search, with the mean of all tables.
 
-What is left to choose beside the order, in two dimensions: the nets of a pixel are sets of functions g + V, V
-spanned by 1, t, ..., t**k. The functions t**i (1 + t)**(k - i) in V are a basis of it, and two points that
-differ by one of them share an interval of volume 2**-k. Those are in different halves if both halves are
-nets. So there is but one way to split a net, and a pixel can choose only which half is first: a word for each
-pixel to xor the numbers of its samples with. Searches of such words gained at most 0.8 % for one number of
-samples without regard to others, or made all others worse; both kernels in the objective changed errors by
--1 to 2 % up to 128 samples. Serving all of 13 numbers is what costs: our order has 0.523, 0.579, 0.584 and
-0.602 at 1, 4, 16 and 64 samples, orders for one of these numbers alone 0.476, 0.531, 0.537 and 0.539.
+Other choices besides the order, in two dimensions: the nets of a pixel are sets of functions g + V, with V
+spanned by 1, t, ..., t**k. The functions t**i (1 + t)**(k - i) are a basis of V, and two points that differ
+by one of them share an interval of volume 2**-k. They are in different halves if both halves are nets. So
+there is only one way to split a net, and a pixel can only choose which half is first: a word for each pixel
+to xor to the numbers of its samples. Searches for such words gained at most 0.8 % for one number of samples
+without regard to others, or made all others worse; both kernels in the objective changed errors by -1 to 2 %
+up to 128 samples. The cost is due to serving all 13 numbers: our order has 0.523, 0.579, 0.584 and 0.602 at
+1, 4, 16 and 64 samples, orders for only one of these numbers 0.476, 0.531, 0.537 and 0.539.
 """
 
 from collections.abc import Iterator

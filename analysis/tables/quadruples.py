@@ -1,9 +1,9 @@
-"""Search for generator matrices of quad_optimized, over F_3: quadruples of small t made of pairs of t = 0.
+"""Search for generator matrices of quad_optimized over F_3: quadruples with small t, from pairs with t = 0.
 
 Matrices are unit upper triangular and grow column by column. For t, certain rows must be independent. If
-their parts in the known columns are, any new digits are valid; if these are dependent, by one vanishing sum,
-the same sum of the new digits must not vanish. So some linear forms of the digits of a column must not be 0,
-and a local search finds such digits. Several partial solutions are kept, as not all can be continued.
+their parts in the known columns are independent, any new digits are valid. If one sum of them vanishes, the
+same sum of the new digits must not vanish. So some linear forms of the digits of a column must be nonzero,
+and a local search finds such digits. Several partial solutions are kept, since not all can be continued.
 """
 
 import itertools

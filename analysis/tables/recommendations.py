@@ -1,11 +1,12 @@
 """Measure the errors of all available samplers: the tables behind ``qmcjax.recommend``.
 
-Rows of samplers that are there are kept: delete those of a sampler to measure it again.
+Existing rows of samplers are kept: delete those of a sampler to measure it again.
 
-A sampler's points have the most dimensions of a level; scenes of fewer take the first coordinates. All scenes
-of a level are evaluated at the same points, with several keys, in images of two sizes: a square with a power
-of 2 as side, which many samplers are made for, and one that is neither. For each scene and size the root mean
-square of its errors over the keys is stored, as 1000 ln(error / error of random samples).
+The points of a sampler have the largest number of dimensions of a level; scenes with fewer take the first
+coordinates. All scenes of a level are evaluated at the same points, with several keys, in images of two
+sizes: a square with a power of 2 as side, for which many samplers are made, and one that is neither. For each
+scene and size the root mean square of its errors over the keys is stored, as 1000 ln(error / error of random
+samples).
 
 Animations show a still scene in 32 frames, seen through a moving average with a tenth of each new frame. The
 frames repeat, and all frames count. Images that are shown while they are rendered have an error at the first

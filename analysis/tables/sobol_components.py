@@ -1,15 +1,15 @@
-"""Components of Sobol's sequence: Joe and Kuo's, those of a cascaded net of small t, and pairs with t = 1.
+"""Components of the Sobol' sequence: by Joe and Kuo, for a cascaded net of small t, and pairs with t = 1.
 
-**Joe and Kuo's table** is extracted from scipy's Sobol' engine, through its public interface. In Gray code
-order, point 2**(k+1) - 1 is column k alone. Degree s means that the first s columns are free and column s
-follows from Eq. 5.13 of the thesis. In the latter the polynomial's coefficients form a triangular system, as
-every m_k is odd.
+**The table of Joe and Kuo** is extracted from scipy's Sobol' engine, through its public interface. In Gray
+code order, point 2**(k+1) - 1 is column k. Degree s means that the first s columns are free and column s
+follows from Eq. 5.13 of the thesis. In this equation the coefficients of the polynomial form a triangular
+system, since every m_k is odd.
 
 **The components of the cascaded net** are chosen greedily, dimension by dimension:
 ``python -m analysis.tables.sobol_components`` prints the tuple of ``cascaded_net`` (minutes). The cost
 is the sum over m of the square of t of all pairs with a previous dimension, and of the last three and four
-dimensions together. Adjacent pairs have t = 0 for any component. No pair is left out: a component that
-is repeated eventually makes the same dimensions again.
+dimensions together. Adjacent pairs have t = 0 for any component. All pairs count, since a repeated component
+eventually repeats dimensions.
 
 **Pairs with t = 1** have the polynomials p and q = p**2 + p + 1 (N. Bonneel et al., "Sobol' Sequences with
 Guaranteed-Quality 2D Projections", 2025). Let L_r be the series, in 1/x, of row r of the matrix of p, of

@@ -1,10 +1,9 @@
 """Masks of blue noise, keys of ranked samples, and designed tiles.
 
-Both the mask of vectors and the tables are a pool of 64**2 candidates, one for each pixel of a tile, arranged
-so that an energy of pairs of close pixels becomes small. The usual method is annealing by swaps of two
-pixels. Here 64 pixels are reassigned at a time: for pixels that are farther apart than the energy reaches, it
-is a sum of costs of single pixels, and the best of all 64! permutations is the solution of a linear
-assignment problem.
+Both the mask of vectors and the tables arrange a pool of 64**2 candidates, one for each pixel of a tile, to
+minimise an energy of pairs of close pixels. The usual method is annealing by swaps of two pixels. Here 64
+pixels are reassigned at a time: for pixels farther apart than the range of the energy, it is a sum of costs
+of single pixels, and the best of all 64! permutations solves a linear assignment problem.
 """
 
 from __future__ import annotations

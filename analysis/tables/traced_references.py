@@ -1,6 +1,6 @@
 """Estimate the reference images of the ray-traced scenes, replicate by replicate.
 
-Replicates use points of Sobol's sequence, Owen-scrambled independently in each pixel and replicate; their
+Replicates use points of the Sobol' sequence, Owen-scrambled independently in each pixel and replicate; their
 scatter gives the standard error of their mean. Each is stored in a folder as soon as it is finished: an
 interrupted run resumes with the next one.
 """

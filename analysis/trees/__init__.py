@@ -1,6 +1,6 @@
 """Binary trees of boxes for ray tracing: construction, cost, and motion (thesis, Chapter 4).
 
-They are for studies, in NumPy and float64. :func:`qmcjax.tracing.nearest_hit` uses other trees.
+These trees are for studies, in NumPy and float64. :func:`qmcjax.tracing.nearest_hit` uses other trees.
 """
 
 from analysis.trees._clusters import quadratic_split_tree as quadratic_split_tree

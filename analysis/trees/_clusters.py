@@ -1,4 +1,4 @@
-"""Trees by clustering: the quadratic split of R-trees, and two means below each node."""
+"""Trees by clustering: the quadratic split of R-trees, and 2-means clustering of each node."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _CHUNK = 2**19
 def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) -> Tree:
     """Make a tree by the quadratic split of R-trees below each node [1]_, [2]_.
 
-    The two boxes that would waste most area together begin two groups. Then, one after the other, the box
-    with the largest difference goes to the group whose area grows least: of equal ones to the smaller, then
-    to the one with fewer boxes. This examines all pairs of boxes below each node.
+    The two boxes that would waste most area together start two groups. Then, one after another, the box with
+    the largest difference joins the group whose area grows least; ties go to the smaller group, then to the
+    one with fewer boxes. This examines all pairs of boxes below each node.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`.
     fill : float, optional
-        Smallest part of a node's boxes in a group, in [0, 0.5]: a group that needs all remaining boxes gets
-        them.
+        Smallest fraction of a node's boxes in a group, in [0, 0.5]: a group that needs all remaining boxes
+        gets them.
 
     References
     ----------
@@ -60,7 +60,7 @@ def quadratic_split_tree(low: ArrayLike, high: ArrayLike, *, fill: Any = 0.0) ->
 
 
 def _halves(low: NDArray, high: NDArray, least: int) -> NDArray[np.bool_]:
-    """Return which boxes are in the second group."""
+    """Return whether each box is in the second group."""
     count = len(low)
     seeds = _seeds(low, high)
     side, free = np.zeros(count, bool), np.ones(count, bool)
@@ -86,7 +86,7 @@ def _halves(low: NDArray, high: NDArray, least: int) -> NDArray[np.bool_]:
 
 
 def _growth(low: NDArray, high: NDArray, box: list[NDArray]) -> NDArray[np.float64]:
-    """Return the growth of a group's area with each of some boxes."""
+    """Return the growth of a group's area with each of the given boxes."""
     return _structure.measure(np.minimum(low, box[0]), np.maximum(high, box[1])) - _structure.measure(*box)
 
 
@@ -115,18 +115,18 @@ _ROUNDS = 20
 
 
 def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: float = 2, key: int = 0) -> Tree:
-    """Make a tree by splitting nodes into two clusters of boxes, by Lloyd's relaxation [1]_, [2]_.
+    """Make a tree by splitting nodes into two clusters of boxes by Lloyd's relaxation [1]_, [2]_.
 
-    A box goes to the nearer mean; its distance is the length of the diagonal of their common bounding box.
-    Means are centres of gravity, weighted by area. Of several pairs of boxes as first means the one with the
-    best clusters by Eq. 4.1 is taken.
+    A box joins the nearer mean; its distance is the length of the diagonal of their common bounding box.
+    Means are centres of gravity, weighted by area. Several pairs of boxes are tried as initial means; the
+    clusters that are best by Eq. 4.1 are used.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Corners of the boxes; see :func:`surface_area_tree`. Boxes without extent are clustered as points.
     tries : int, optional
-        Pairs of random boxes as first means, in [1, 64].
+        Number of pairs of random boxes as initial means, in [1, 64].
     norm : {2, inf}, optional
         Norm for the length of a diagonal.
     key : int, optional
@@ -168,7 +168,7 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
             best = np.where(np.repeat(better, length), side, best)
         best ^= np.repeat(best[start], length)  # The first box is in the first cluster.
         count = np.add.reduceat(best, start, dtype=np.int64)
-        # Boxes that no means separate are halved.
+        # Boxes that means cannot separate are halved.
         same = (count == 0) | (count == length)
         half = np.arange(len(boxes)) - np.repeat(start, length) >= np.repeat(length - length // 2, length)
         best = np.where(np.repeat(same, length), half, best)
@@ -189,7 +189,7 @@ def _relax(
     means: Any,
     norm: float,
 ) -> NDArray[np.bool_]:
-    """Return which boxes go to the second mean, of all nodes at once."""
+    """Return whether each box joins the second mean, for all nodes at once."""
     node = np.repeat(np.arange(len(start)), length)
     side = np.zeros(len(low), bool)
     for _ in range(_ROUNDS):

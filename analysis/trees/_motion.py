@@ -1,4 +1,4 @@
-"""Boxes of moving objects: over parts of the shutter, and split in time."""
+"""Bounding boxes of moving objects: over parts of the shutter, and split in time."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def boxes_during(
     Parameters
     ----------
     low, high : float ArrayLike, shape (k, n, 3)
-        Corners at each of the times; they move linearly between.
+        Corners at each of the times; they move linearly in between.
     times : float ArrayLike, shape (k,)
         Increasing, two or more.
     start, end : float, optional
-        In the range of ``times``, ``start <= end``; by default all of it. They may be equal.
+        In the range of ``times``, ``start <= end``; by default the whole range. They may be equal.
 
     Returns
     -------
@@ -33,7 +33,7 @@ def boxes_during(
 
     Notes
     -----
-    A tree for a part of the shutter (Eq. 4.7) is one over these boxes. A ray then visits the tree of the part
+    A tree for a part of the shutter (Eq. 4.7) is a tree over these boxes. A ray visits the tree of the part
     that contains its time.
 
     References
@@ -71,10 +71,10 @@ def during(
 def split_in_time(
     low: ArrayLike, high: ArrayLike, times: ArrayLike, kappa: Any = 2.0, *, most: int = 16
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]]:
-    """Split moving boxes in time so that parts have at most 1 / kappa of the area of the whole.
+    """Split moving boxes in time into parts with at most 1 / kappa of the area of the whole.
 
     The shutter is cut into 2, 4, 8, ... equal parts, for each box as few as suffice, but at most ``most``.
-    Boxes that are already larger than that at a single time stay whole: large boxes gain little.
+    Boxes that are larger than that at a single time are not split: large boxes gain little.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def split_in_time(
     low, high : float64 ndarray, shape (m, 4)
         Boxes with their interval of time as fourth coordinate, for :func:`surface_area_tree`.
     number : int64 ndarray, shape (m,)
-        The box that each is a part of.
+        The number of the original box.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Optimal local subtrees: a few nodes at a time in the arrangement of smallest summed area."""
+"""Optimal local subtrees: rearrangement of a few nodes at a time for the smallest summed area."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,8 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
     """Rearrange the nodes below each node for the smallest sum of areas, bottom-up.
 
     Below a node, nodes are opened level by level until there are ``leaves`` of them, or no more: with 8 these
-    are the nodes three levels deeper, as far as they exist. Of all binary trees over them the one with the
-    smallest summed area replaces the old one; everything below them stays. The sum never increases.
+    are the nodes three levels deeper, if they exist. The binary tree over them with the smallest summed area
+    replaces the old one; everything below them is kept. The sum never increases.
 
     Parameters
     ----------
@@ -28,17 +28,17 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
     leaves : int, optional
         Leaves of a subtree, in [3, 8].
     levels : int, optional
-        Only below nodes in so many levels from the root, at least 1; all by default.
+        Only below nodes in this number of levels from the root, at least 1; all by default.
 
     Returns
     -------
     Tree
-        Repeated runs, each on the tree of the last one, may improve it further.
+        Repeated runs on the result may improve it further.
 
     Notes
     -----
-    The thesis tries all trees, Eq. 4.4, and prunes. Here subsets of the leaves are solved from small to
-    large, each by its best split into two solved subsets: 3025 splits for 8 leaves, instead of
+    The thesis tries all trees, Eq. 4.4, and prunes. Here dynamic programming solves subsets of the leaves
+    from small to large, each by its best split into two solved subsets: 3025 splits for 8 leaves instead of
     17,297,280 trees, with the same result.
 
     References
@@ -72,7 +72,7 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
 
 
 def _upper(tree: Tree, top: int | None) -> list[NDArray[np.int64]]:
-    """Return the inner nodes by levels, the deepest first; only some levels from the root on."""
+    """Return the inner nodes by levels, deepest first, optionally only levels near the root."""
     found = list(by_level(tree.children))
     return found if top is None else found[-top:]
 

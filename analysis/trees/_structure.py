@@ -1,4 +1,4 @@
-"""Boxes with sides along the axes, and binary trees of them."""
+"""Axis-aligned boxes, and binary trees of them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from qmcjax.core.parameters import known, require
 from qmcjax.core.pytrees import pytree
 
 _LARGEST = 1e75
-"""Absolute values up to which areas and their sums stay finite."""
+"""Largest absolute value for which areas and their sums are finite."""
 
 
 def still_boxes(low: Any, high: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -56,7 +56,7 @@ def _validate_corners(
 
 
 def surface_area(low: ArrayLike, high: ArrayLike) -> NDArray[np.float64]:
-    """Return the surface areas of boxes: uniform lines hit boxes in proportion to them.
+    """Return the surface areas of boxes, proportional to the probability that a uniform line hits them.
 
     Parameters
     ----------
@@ -207,10 +207,10 @@ def fit(children: NDArray, low: NDArray, high: NDArray, times: NDArray | None = 
 
 
 def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | None = None) -> Tree:
-    """Return a tree of the same nodes fitted to other boxes, in linear time.
+    """Refit a tree to other boxes, with the same nodes, in linear time.
 
-    Moving boxes give boxes of nodes at each of their times; at any time in between, the interpolated box
-    of a node contains those below it [1]_.
+    For moving boxes, nodes have boxes at each of their times; at any time in between, the interpolated box of
+    a node contains those below it [1]_.
 
     Parameters
     ----------
@@ -244,8 +244,8 @@ def refitted(tree: Tree, low: ArrayLike, high: ArrayLike, times: ArrayLike | Non
 def summed_area(tree: Tree) -> float:
     """Return the sum of the surface areas of all nodes, leaves included.
 
-    Divided by the area of the root it is the mean number of nodes hit by uniform lines through the root. For
-    moving boxes it is the mean over time, for boxes with an interval of time only the sum of areas times
+    Divided by the area of the root, it is the mean number of nodes hit by uniform lines through the root. For
+    moving boxes it is the mean over time, for boxes with an interval of time the sum of areas times
     durations.
 
     References

@@ -58,28 +58,28 @@ def _partition(rows: NDArray, second: NDArray, start: NDArray, length: NDArray, 
 
 
 _TIE = 1e-12
-"""Costs with a smaller relative difference are equal: then the more even split is taken."""
+"""Costs with a smaller relative difference are considered equal: the more balanced split is taken."""
 
 _CHUNK = 2**18
-"""Number of boxes that are examined at once, or one node: fits the cache."""
+"""Number of boxes examined at once, or one node, to fit the cache."""
 
 
 def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     r"""Make a tree by the surface area heuristic, top-down, with one box in each leaf.
 
-    A node is split along the axis and at the place that make
+    A node is split along the axis and at the place with the smallest cost (Eq. 4.1)
 
-    .. math:: c(j) = N_{L,j} A_{L,j} + N_{R,j} A_{R,j}
+    .. math:: c(j) = N_{L,j} A_{L,j} + N_{R,j} A_{R,j},
 
-    smallest (Eq. 4.1), of all places between boxes that are sorted by their centres: an exact sweep, no bins.
-    Of equal costs the more even split is taken.
+    among all places between boxes sorted by their centres: an exact sweep without bins. Among equal costs,
+    the most balanced split is taken.
 
     Parameters
     ----------
     low, high : float ArrayLike, shape (n, 3) or (n, 4)
         Finite corners of the boxes, ``low <= high``. A fourth coordinate is time: a box exists from ``low``
-        to ``high``. It is sorted like the others, and areas count times the duration, for rays uniform in
-        time.
+        to ``high``. It is sorted like the others, and areas are multiplied by the duration, for rays uniform
+        in time.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""The nodes of a tree that rays visit, for all rays at once."""
+"""Counts of the tree nodes that rays visit, for all rays at once."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def nodes_visited(
     *,
     time: ArrayLike | None = None,
 ) -> NDArray[np.int64]:
-    """Count the nodes, leaves included, whose boxes rays enter during traversal: int64 (...).
+    """Count the nodes, including leaves, whose boxes rays enter during traversal: int64 (...).
 
-    Of two children that are hit, the one whose box is entered first is visited first [1]_, [2]_; boxes behind
+    If both children are hit, the one whose box the ray enters first is visited first [1]_, [2]_. Boxes behind
     the nearest hit are skipped.
 
     Parameters
@@ -41,8 +41,8 @@ def nodes_visited(
     origin, direction : float ArrayLike, shape (..., 3)
         Directions need not be normalized.
     distance : callable, optional
-        Returns distances of hits in leaves, in units of the directions' lengths, inf without a hit:
-        from numbers of rays, of all in one row, and of leaves, int64 (m,) both, to float (m,). See
+        Returns distances of hits in leaves, in units of the directions' lengths, inf without a hit: from
+        numbers of rays in flattened order and numbers of leaves, both int64 (m,), to float (m,). See
         :func:`triangle_distances`. Without it nothing is hit, and all nodes in front of the origin count.
     time : float ArrayLike, shape (...), optional
         Times of the rays, required for trees of boxes that move or have an interval of time.
@@ -170,7 +170,8 @@ def triangle_distances(
     Parameters
     ----------
     vertices : float ArrayLike, shape (n, 3, 3) or (k, n, 3, 3)
-        Triangle, vertex and coordinate; for moving triangles, at each of ``times``, linear in between.
+        Axes are triangle, vertex and coordinate; for moving triangles, at each of ``times``, linear in
+        between.
     origin, direction : float ArrayLike, shape (..., 3)
         Of rays.
     times : float ArrayLike, shape (k,), optional

@@ -1,4 +1,4 @@
-"""Values made of values: constants are folded, and the same value is made once."""
+"""Construction of values: constants are folded, and equal values are shared."""
 
 from typing import Any
 
@@ -120,7 +120,7 @@ class Builder:
         return first << exponent if kind == "mul" else first >> exponent
 
     def _vanishing(self, kind: str, first: Value, last: Value) -> Value | None:
-        """Return what is left of a finite float times 0, and of its sum with something that is not 0."""
+        """Simplify the product or the sum of a non-negative float and 0."""
         if kind == "mul" and last.detail == 0:
             bounds = interval(first)
             return last if bounds is not None and bounds[0] >= 0 else None
@@ -181,9 +181,9 @@ class Builder:
         return self._new("convert", dtype, (value,))
 
     def _truncate(self, value: Value, dtype: np.dtype) -> Value:
-        """Return a float as an integer, of which XLA says: NaN becomes 0, and others saturate.
+        """Convert a float to an integer as XLA does: NaN becomes 0, and others saturate.
 
-        Nothing of this is computed for floats in range.
+        For floats known to be in range, none of this is computed.
         """
         limits, real, wide = np.iinfo(dtype), value.dtype, widen(dtype)
         end = real.type(limits.max)
@@ -227,7 +227,7 @@ class Builder:
         return self.select(is_zero, by_zero, quotient)
 
     def shift(self, kind: str, first: Value, by: Value) -> Value:
-        """Return a shift by any number: by too many it is 0, or the sign."""
+        """Return a shift by any number of bits: by too many it is 0, or the sign."""
         bits = 8 * first.dtype.itemsize
         bounds = interval(by)
         if bounds is not None and 0 <= bounds[0] and bounds[1] < bits:

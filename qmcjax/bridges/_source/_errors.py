@@ -1,4 +1,4 @@
-"""Errors that name the line of a sampler that cannot be translated."""
+"""Errors that name the untranslatable line of a sampler."""
 
 import sysconfig
 import traceback
@@ -17,15 +17,15 @@ _QMCJAX = Path(qmcjax.__file__).parent
 _PYTHON = Path(sysconfig.get_path("stdlib"))
 
 Origin: TypeAlias = tuple[Any, "Origin"] | None
-"""Where a value comes from: the source information of an equation, and of the call around it."""
+"""The origin of a value: the source information of an equation, and of the call around it."""
 
 
 class Untranslatable(Exception):
-    """An operation that cannot be translated, with more about it."""
+    """An operation that cannot be translated, with an explanation."""
 
 
 def source_line(origin: Origin) -> str:
-    """Return the innermost line of a user's file that made an operation, or else of a library's.
+    """Return the innermost line of a user's file that made an operation, otherwise of a library file.
 
     JAX ends the lines of an equation at the function that it traced: those of the call come next.
     """
@@ -93,4 +93,4 @@ ADVICE = {
         "sort constants with NumPy when the sampler is made, or compare values one by one",
     ),
 }
-"""What to do instead of operations that users take for arithmetic."""
+"""Replacements for operations that users may mistake for arithmetic."""

@@ -1,4 +1,4 @@
-"""What each language writes in its own way: types, constants, operations, declarations."""
+"""Differences between languages: types, constants, operations, declarations."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -36,7 +36,7 @@ BRACED = " {kind} {name}[{size}] = {{\n{rows}\n}};"
 
 
 class Language:
-    """How a language writes programs. Arguments of its methods are written as atoms, or in parentheses.
+    """The syntax of a language. Arguments of its methods are atoms or in parentheses.
 
     Most are templates: ``kind`` is the name of a type, ``Kind`` capitalized.
     """
@@ -46,11 +46,11 @@ class Language:
     """Names of functions of numbers that are not those of :mod:`_operations`."""
 
     has_64: ClassVar[bool] = False
-    """Whether it has integers and floats of 64 bits, and tables of 8 and 16 bits."""
+    """Whether it has 64-bit integers and floats, and tables of 8 and 16 bits."""
     result: ClassVar[str] = f", {RESULT}"
     """The array that functions fill, in a call."""
     layout: ClassVar[str] = ""
-    """How the words of large tables are laid out that the caller binds."""
+    """Layout of the words of large tables, which the caller binds."""
     repeats: ClassVar[frozenset[str]] = frozenset()
     """Operations that repeat an argument, which should then be short."""
 
@@ -85,7 +85,7 @@ class Language:
     uninitialized: ClassVar[str] = "{kind} {name};"
 
     def head(self, text: str) -> str:
-        """Return what the text of functions needs before it."""
+        """Return the text that must precede the functions."""
         return ""
 
     def type(self, dtype: np.dtype) -> str:

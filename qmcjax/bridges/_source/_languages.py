@@ -20,7 +20,7 @@ _INLINE = """\
 #define QMCJAX_INLINE static inline
 #endif
 #endif"""
-"""Only inlined functions become vector code in loops over samples, which is several times as fast."""
+"""Only inlined functions are vectorised in loops over samples, which is several times as fast."""
 
 _CASTS = {
     f"qmcjax_as_{name}": f"""\

@@ -43,7 +43,7 @@ def _conditional(reader: Reader, equation: Equation, given: list[Entries]) -> Se
 
 
 class _Carry:
-    """Arrays that a loop changes, as the values of one loop: those that stay the same are left out."""
+    """Arrays that a loop changes, as values of the loop; unchanged ones are omitted."""
 
     def __init__(self, reader: Reader, initial: list[Entries], unchanged: list[bool], inside: list[Entries]):
         builder = reader.builder
@@ -82,7 +82,7 @@ def _values(arrays: Sequence[Entries]) -> list[Value]:
 
 
 def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    """Arguments are what the condition uses, what the body uses, and what the loop changes."""
+    """Arguments are the constants of the condition, those of the body, and the carried arrays."""
     builder, test, body = reader.builder, equation.params["cond_jaxpr"], equation.params["body_jaxpr"]
     changing = len(equation.made)
     of_condition = len(open_jaxpr(test).invars) - changing
@@ -99,7 +99,7 @@ def _while(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence
 
 
 def _scan(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    """Arguments are what the body uses, what the loop changes, and rows, with one more axis than inside."""
+    """Arguments are the constants of the body, the carried arrays, and rows with an additional axis."""
     length, body = equation.params["length"], equation.params["jaxpr"]
     stacked = _longer(equation.made, open_jaxpr(body).outvars)
     carries = len(equation.made) - stacked
@@ -140,7 +140,7 @@ def _unroll(
 
 
 def _equations(jaxpr: Any) -> int:
-    """Return the number of equations of a jaxpr, those inside others included."""
+    """Return the number of equations of a jaxpr, including nested ones."""
     inner = (value for equation in open_jaxpr(jaxpr).eqns for value in equation.params.values())
     return len(open_jaxpr(jaxpr).eqns) + sum(
         _equations(each) for each in inner if hasattr(open_jaxpr(each), "eqns")
@@ -148,7 +148,7 @@ def _equations(jaxpr: Any) -> int:
 
 
 def _longer(outside: Sequence[Any], inside: Sequence[Any]) -> int:
-    """Return how many arrays of a loop are stacks of those of its body."""
+    """Return the number of arrays of a loop that are stacks of those of its body."""
     return sum(one.ndim > other.aval.ndim for one, other in zip(outside, inside, strict=True))
 
 

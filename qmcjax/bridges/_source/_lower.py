@@ -28,7 +28,7 @@ Lowered: TypeAlias = Value | Pair
 
 
 def lower(program: Program) -> Program:
-    """Return a program of the same inputs and outputs, which have 32 bits, without values of 64 bits."""
+    """Return a program with the same inputs and outputs, of 32 bits, without 64-bit values."""
     if all(value.dtype.itemsize < 8 for value in program.computed()):
         return program
     lowering = _Lowering(program)
@@ -67,13 +67,13 @@ class _Lowering:
         return self.words.pair(int(value.detail.view(np.uint64)))
 
     def one(self, value: Value) -> Value:
-        """Return what stands for a value of 32 bits."""
+        """Return the replacement of a 32-bit value."""
         made = self.of(value)
         assert isinstance(made, Value)
         return made
 
     def two(self, value: Value) -> Pair:
-        """Return what stands for a value of 64 bits."""
+        """Return the replacement of a 64-bit value."""
         made = self.of(value)
         assert isinstance(made, tuple)
         return made

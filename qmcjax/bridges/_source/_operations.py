@@ -22,7 +22,7 @@ COMPARISONS = {
 }
 SHIFTS = ("shift_left", "shift_right_logical", "shift_right_arithmetic")
 FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2", "atan", "asin", "acos", "tanh")
-"""Functions of floats that every language has, rounded as it likes; ``sqrt`` mostly correctly."""
+"""Functions of floats in every language, with unspecified rounding; ``sqrt`` mostly correctly rounded."""
 
 _EXACT = {"neg": np.negative, "abs": np.abs, "floor": np.floor, "ceil": np.ceil, "round_even": np.rint}
 
@@ -67,7 +67,7 @@ FOLDED: dict[str, Callable[..., Any]] = {
 def interval(value: Value) -> tuple[Any, Any] | None:
     """Return bounds of a value, both included, or None if they are not known for a float.
 
-    Bounds of integers are ints. Rounding is monotone: what is computed of bounds bounds what is computed.
+    Bounds of integers are ints. Rounding is monotone, so results of bounds bound the results.
     """
     bounds = limits_of(value)
     return bounds if np.isfinite(bounds[0]) and not value.nan else None

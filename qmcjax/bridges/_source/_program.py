@@ -1,4 +1,4 @@
-"""Small typed programs of scalars: what a jaxpr is read into, and what other languages are made of.
+"""Small typed programs of scalars: read from a jaxpr, and written in other languages.
 
 A program is a graph of pure values. Its statements are these values in an order in which they can be
 computed, each in the outermost loop that it depends on: loop invariants are hoisted, unused values absent.
@@ -18,7 +18,7 @@ from qmcjax.bridges._source._errors import Origin
 UINT, INT, FLOAT, BOOL = (np.dtype(name) for name in ("uint32", "int32", "float32", "bool"))
 ULONG, LONG, DOUBLE = (np.dtype(name) for name in ("uint64", "int64", "float64"))
 DTYPES = (UINT, INT, FLOAT, BOOL, ULONG, LONG, DOUBLE)
-"""The dtypes of values: those of 64 bits only where a program needs them."""
+"""The dtypes of values; those of 64 bits only if a program needs them."""
 
 
 def _operator(kind: str) -> Callable[[Value, Value | int], Value]:
@@ -81,7 +81,7 @@ class Value:
         return innermost(self.arguments)
 
     def needed(self) -> list[Value]:
-        """Return what the value depends on: results on what their loop begins with, tests and makes."""
+        """Return the values it depends on: for results, initial values, tests and updates of the loop."""
         if self.loop is None:
             return list(self.arguments)
         loop, number = self.loop, self.detail
@@ -119,7 +119,7 @@ def innermost(values: Iterable[Value]) -> Loop | None:
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Constants that are read by index: flat, with ``entries.dtype`` also of 8 or 16 bits."""
+    """Constants read by index: flat, where ``entries.dtype`` may also have 8 or 16 bits."""
 
     entries: NDArray[Any]
 

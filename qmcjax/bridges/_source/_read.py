@@ -27,8 +27,8 @@ def read(function: Callable[..., Any], *examples: Any, below: Sequence[int] = ()
     """Read a function of arrays, or pytrees of them, into a program of scalars; it is traced once.
 
     Each entry of each array of the examples, one per argument, becomes an input, in C order; a key becomes
-    its words. The last arguments are words below limits, ``below``. What cannot be translated is a ValueError
-    that names the primitive and the line that it comes from.
+    its words. The last arguments are words below limits, ``below``. An untranslatable primitive raises a
+    ValueError that names it and its line.
     """
     closed, _ = trace(function, *examples)
     builder = Builder()
@@ -82,10 +82,10 @@ def inputs_of(
 
 
 class Prepared:
-    """What a function of seeds and words prepares for others: the values of its result that vary.
+    """The varying values that a function of seeds and words prepares for others.
 
-    Constants, and seeds that the result only hands on, are not among them: ``members`` are the others, with
-    ``has_64=False`` as words if they have 64 bits. The last examples are below limits, ``below``.
+    ``members`` are the values of its result except for constants and unchanged seeds, with ``has_64=False``
+    as words if they have 64 bits. The last examples are below limits, ``below``.
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class Prepared:
         return [number for number in range(len(self.members)) if first + number in inputs]
 
     def _parts(self, builder: Builder, value: Value) -> list[Value]:
-        """Return the members that hold a value: its two words, if the language has no 64 bits."""
+        """Return the members for a value: its two words if the language has no 64 bits."""
         if self._has_64 or value.dtype.itemsize < 8:
             return [value]
         bits = builder.bitcast(value, ULONG)
@@ -231,5 +231,5 @@ class SamplerPrograms:
 
 
 def first_of(program: Program) -> Program:
-    """Return the program of the first output alone."""
+    """Return the program of only the first output."""
     return schedule(program.inputs, program.outputs[:1])

@@ -33,7 +33,7 @@ _HOW = frozenset(
 
 
 class Parameters(dict[str, Any]):
-    """The parameters of an equation, which differ between versions of JAX: one that is missing is refused."""
+    """The parameters of an equation, which differ between JAX versions; a missing one raises."""
 
     def __init__(self, parameters: Mapping[str, Any]) -> None:
         super().__init__(parameters)
@@ -54,7 +54,7 @@ class Parameters(dict[str, Any]):
 
 @dataclass(frozen=True, eq=False)
 class Equation:
-    """What rules see of an equation of a jaxpr."""
+    """The parts of a jaxpr equation that rules use."""
 
     name: str
     params: Parameters
@@ -212,7 +212,7 @@ _BY_NUMPY = frozenset(FOLDED) - {"div", "rem"}
 
 
 def _evaluate(equation: Any, given: list[Entries]) -> Sequence[Any]:
-    """Return what JAX makes of known arrays."""
+    """Return the results of JAX for known arrays."""
     name = equation.primitive.name
     if name in _BY_NUMPY and len({entries.shape for entries in given}) == 1:
         with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""What can be translated, and what of it stays a parameter: seeds."""
+"""Objects to translate, and their parameters: seeds."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -25,7 +25,7 @@ MOST_SEEDS = 64
 
 
 def noun(name: str, value: Any) -> Sampler | Sequence | Order | Any:
-    """Return an argument as what it is: a sampler, a sequence, an order, or a scene."""
+    """Return an argument as a sampler, a sequence, an order, or a scene."""
     if getattr(value, "needs", None) is not None and callable(value):
         return as_scene(name, value)
     if isinstance(value, Sampler | Sequence | Order):
@@ -100,7 +100,7 @@ def _is_seed(path: Any, leaf: Any) -> bool:
 
 
 def padding_words(known: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Return the seeds of pairs beyond the sampler's: other words of the sampler's own."""
+    """Return the seeds of pairs beyond those of the sampler, derived from the sampler's seeds."""
     return np.random.SeedSequence([2, *known.tolist()]).generate_state(2).astype(np.uint32)
 
 
@@ -113,12 +113,12 @@ def seed_words(value: Any, seeded: Seeded) -> NDArray[np.uint32]:
 def seeds(sampler: Any, other: Any) -> NDArray[np.uint32]:
     """Return the seeds with which the source code of one object computes another.
 
-    A shader with the function of one key renders with any key: pass these words instead of its own.
+    A shader generated with one key renders with any key: pass these words instead of its seeds.
 
     Parameters
     ----------
-    sampler, other : Sampler, Sequence, Order or Scene, or object with the methods of one
-        ``sampler`` is that of the source code; ``other`` differs in its seeds only, as with another key.
+    sampler, other : Sampler, Sequence, Order or Scene, or object that implements the protocol
+        ``sampler`` is that of the source code; ``other`` differs only in its seeds, as with another key.
 
     Returns
     -------

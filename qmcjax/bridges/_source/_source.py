@@ -54,39 +54,38 @@ def source(
 
     Parameters
     ----------
-    sampler : Sampler, Sequence, Order or Scene, or object with the methods of one
-        Made of operations of JAX on 32-bit integers and floats.
+    sampler : Sampler, Sequence, Order or Scene, or object that implements the protocol
+        It must consist of JAX operations on 32-bit integers and floats.
     dims : tuple of int, optional
-        The wanted coordinates of a sampler or sequence, all for None.
+        The coordinates of a sampler or sequence, all for None.
     language : {"c", "glsl", "wgsl", "hlsl", "cuda"}
         C99, which is C++ as well; GLSL ES 3.00; WGSL; HLSL; CUDA C++ for device code.
     name : str
-        An identifier, reserved by none of the languages: the names of all functions, types and tables begin
-        with it.
+        An identifier that no language reserves. The names of all functions, types and tables begin with it.
     width, height : int, optional
-        The size of the image, checked against the sampler's.
+        The size of the image, checked against that of the sampler.
     spp : int, optional
-        The number of samples of a pixel, likewise. The program is made for pixels and samples of this size
-        only: it may then be shorter, with the same bits.
+        The number of samples per pixel, checked likewise. The program is specialised to this size and number
+        of samples: it may be shorter, with the same bits.
 
     Returns
     -------
     str
         Functions that compute the same bits as ``sampler`` for float32, coordinates in [0, 1); the comment at
-        the head says how to call them. A sampler becomes a structure ``mine_pixel`` with ``mine_prepare``,
-        ``mine_sample``, the function ``mine`` that is both, and ``mine_pair`` for pairs of coordinates beyond
-        the sampler's. Seeds are arguments: other seeds need no other program. Constant arrays become tables;
-        the attribute ``tables``, uint32 of shape (n,), has the words of large ones that the caller of a
-        shader binds.
+        the head explains how to call them. A sampler becomes a structure ``mine_pixel`` with
+        ``mine_prepare``, ``mine_sample``, the function ``mine`` that combines both, and ``mine_pair`` for
+        pairs of coordinates beyond those of the sampler. Seeds are arguments: one program serves all seeds.
+        Constant arrays become tables; the attribute ``tables``, uint32 of shape (n,), contains the words of
+        large ones, which the caller of a shader binds.
 
     Raises
     ------
     TypeError
         If ``sampler`` is none of these.
     ValueError
-        If it uses an operation that cannot be translated: the message names the operation, the line of the
-        caller's file, and often what to use instead. If ``name`` is not an identifier, or the size is not the
-        sampler's.
+        If it uses an operation that cannot be translated; the message names the operation, the line of the
+        caller's file, and often a replacement. If ``name`` is not an identifier, or the size is not that of
+        the sampler.
 
     Notes
     -----
@@ -130,7 +129,7 @@ def _check_name(name: Any) -> None:
 
 
 def _check_size(sampler: Sampler, *size: int | None) -> list[int | None]:
-    """Return columns, rows and number of samples if they are the sampler's."""
+    """Return columns, rows and number of samples if the sampler supports them."""
     width, height, spp = size
     if (width is None) != (height is None):
         raise ValueError(f"width and height must be given together, got {width} and {height}")
@@ -142,7 +141,7 @@ def _check_size(sampler: Sampler, *size: int | None) -> list[int | None]:
 
 
 def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
-    """Return limits of column, row and number of the sample: the sampler's, or those that are asked for."""
+    """Return limits of column, row and sample number: the requested ones, or those of the sampler."""
     pairs = zip(size, sampler.limits, strict=True)
     return [limit if asked is None else min(asked, limit) for asked, limit in pairs]
 
@@ -223,7 +222,7 @@ def _of_scene(scene: Any, language: Language, name: str) -> Source:
 
 
 class _Comment:
-    """The comment at the head of source code: what it is, how to call it, what it promises."""
+    """The comment at the head of source code: description, calls, guarantees."""
 
     def __init__(self, value: Any, noun: str, writer: Writer) -> None:
         wrapped = getattr(value, "wrapped", None)
@@ -268,7 +267,7 @@ class _Comment:
 
 
 def _has_direction_numbers(value: Any) -> bool:
-    """Return whether an object has generator matrices of Joe and Kuo, as they are or named in its repr."""
+    """Return whether an object has generator matrices of Joe and Kuo, as arrays or named in its repr."""
     if any(int(dims) > 2 for dims in re.findall(r"sobol\(dims=(\d+)\)", repr(value))):
         return True
     third = np.array([1 << 31, 3 << 30], np.uint32)

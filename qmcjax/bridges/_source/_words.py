@@ -1,7 +1,7 @@
-"""Integers of 64 bits and float64 as pairs of words, for languages without them.
+"""64-bit integers and float64 as pairs of words, for languages without them.
 
 Floats have the same bits: sums, products, quotients and square roots are rounded to nearest, ties to even.
-Numbers must be finite; those too small for the normal range are taken for 0.
+Numbers must be finite; subnormal ones are flushed to 0.
 """
 
 from collections.abc import Callable, Sequence
@@ -128,7 +128,7 @@ class Words:
         used: Sequence[Value],
         step: Callable[[Sequence[Value]], list[Value]],
     ) -> list[Value]:
-        """Return what values become when they change a number of times, in a loop."""
+        """Return values after a number of updates in a loop."""
         loop = self.builder.loop([*initial, self.word(0)], innermost((*initial, *used)))
         *state, counter = loop.variables
         loop.condition = counter < count

@@ -13,11 +13,11 @@ from qmcjax.bridges._source._lower import lower
 from qmcjax.bridges._source._program import UINT, Compute, Loop, Program, Repeat, Statement, Table, Value
 
 _LONGEST = 100
-"""Largest number of characters of an expression that is not given a name."""
+"""Largest number of characters of an expression without a name."""
 
 
 MOST_WRITTEN = 256
-"""Largest number of entries of a table in the text of a shader, which keeps such tables in slow memory."""
+"""Largest number of entries of a table in the text of a shader, where tables are in slow memory."""
 
 
 class Tables:
@@ -134,7 +134,7 @@ class Body:
         self._results.update({(loop, number): n for n, number in zip(state, statement.kept, strict=True)})
 
     def _assign(self, state: Sequence[str], values: Sequence[Value]) -> None:
-        """Change variables at once: what uses another variable is computed before."""
+        """Assign variables simultaneously: values that use other variables are computed first."""
         texts = []
         for value in values:
             text = self._whole(value)
@@ -159,7 +159,7 @@ def _has_operators(text: str) -> bool:
 
 
 def _uses(program: Program, repeats: frozenset[str]) -> tuple[Counter[Value], dict[Value, Loop | None]]:
-    """Return how often each value is used, and in which loop the last time."""
+    """Return the number of uses of each value, and the loop of its last use."""
     uses: Counter[Value] = Counter(program.outputs)
     where: dict[Value, Loop | None] = dict.fromkeys(program.outputs)
 
@@ -187,7 +187,7 @@ def _uses(program: Program, repeats: frozenset[str]) -> tuple[Counter[Value], di
 
 
 class Source(str):
-    """Source code, with the words of tables that its caller binds."""
+    """Source code, with the words of tables for its caller to bind."""
 
     tables: NDArray[np.uint32]
 

@@ -95,7 +95,7 @@ def optimize_points(
     values: list[float] = []
     first, _ = value_and_gradient(flat)
     if not np.isfinite(first):
-        raise ValueError("measure must be finite at the start, and so must its gradient, got one that is not")
+        raise ValueError("measure and its gradient must be finite at the start, got NaN or infinity")
     values.append(first)
     result = minimize(
         value_and_gradient,
@@ -224,9 +224,7 @@ def optimize_scrambling(
     unmoved = np.ones((dims, n - 1))
     value, slope = search.value_and_gradient(unmoved)
     if not (np.isfinite(value) and np.isfinite(slope).all()):
-        raise ValueError(
-            "measure must be finite for the given points, and so must its gradient, got one that is not"
-        )
+        raise ValueError("measure and its gradient must be finite for the given points, got NaN or infinity")
     best, least = _descend(search, start, steps)
     best, least = (best, least) if least < value else (unmoved, value)
     best = _flip(search, best, least, 3 * steps)

@@ -106,7 +106,7 @@ def flat_rays(
         shape = np.broadcast_shapes(origin.shape, direction.shape)
     except ValueError:
         raise ValueError(
-            f"direction must have a shape that goes with {origin.shape} of origin, got {direction.shape}"
+            f"origin and direction must have shapes that broadcast, got {origin.shape} and {direction.shape}"
         ) from None
     if not (direction != 0).any(axis=-1).all():
         raise ValueError("direction must have a length above 0 everywhere")
@@ -130,7 +130,7 @@ def flat_times(time: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
         return np.broadcast_to(found, shape).reshape(-1)
     except ValueError:
         raise ValueError(
-            f"time must have a shape that goes with {shape}, got {checks.shown(found.shape)}"
+            f"time must have a shape that broadcasts to {shape}, got {checks.shown(found.shape)}"
         ) from None
 
 

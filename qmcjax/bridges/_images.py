@@ -138,7 +138,7 @@ def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.flo
     array = read_npy(data)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
-            f"must hold float32 of shape (height, width) or (height, width, channels), got {array.dtype} "
+            f"must contain float32 of shape (height, width) or (height, width, channels), got {array.dtype} "
             f"{array.shape}"
         )
     return array.astype(np.float32)
@@ -252,9 +252,9 @@ def _light_of_png(data: bytes, transfer: str | None) -> NDArray[np.float32]:
     says = "srgb" if srgb else "linear" if gamma == 1 else None
     if says is None and transfer is None:
         what = "nothing" if gamma is None else f"the exponent {gamma}"
-        raise ValueError(f"transfer must be given, for the file says {what} of its values")
+        raise ValueError(f"transfer must be given, since the file states {what} about its values")
     if says and transfer and says != transfer:
-        raise ValueError(f"transfer must be {says!r}, as the file says, got {transfer!r}")
+        raise ValueError(f"transfer must be {says!r}, as the file states, got {transfer!r}")
     values = pixels / float(np.iinfo(pixels.dtype).max)
     if (says or transfer) == "srgb":
         colours = values[..., : 1 if values.shape[2] < 3 else 3]

@@ -114,7 +114,7 @@ def _place(which: str | int, places: list[str | int], path: Path) -> str | int:
             raise ValueError(f"which must be one of {places} or a number, got {which!r}")
         return which
     if not places:
-        raise ValueError("must hold points, got none")
+        raise ValueError("must contain points, got none")
     if which >= len(places):
         raise ValueError(f"which must be below the {len(places)} point sets in it, got {which}")
     return places[which]
@@ -137,9 +137,9 @@ def _binary(data: bytes, dims: int) -> list[NDArray]:
 
 def _check(points: NDArray, dims: int | None) -> NDArray[np.float64]:
     if points.dtype.kind != "f" or points.dtype.itemsize > 8 or points.ndim != 2 or not points.size:
-        raise ValueError(f"must hold floats of shape (n, dims), got {points.dtype} {points.shape}")
+        raise ValueError(f"must contain floats of shape (n, dims), got {points.dtype} {points.shape}")
     if dims is not None and points.shape[1] != dims:
-        raise ValueError(f"must hold points with dims={dims} coordinates, got {points.shape[1]}")
+        raise ValueError(f"must contain points with dims={dims} coordinates, got {points.shape[1]}")
     wrong = np.argwhere(~np.isfinite(points))
     if wrong.size:
         point, j = map(int, wrong[0])

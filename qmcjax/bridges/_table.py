@@ -163,7 +163,7 @@ class BakedTable:
         makes means correct; for 24 and 32 bits the lower bounds, the numbers of the sampler.
         """
         if not self.fractions:
-            raise ValueError("table must be of coordinates to have points, got one of integers")
+            raise ValueError("table must contain coordinates to have points, got integers")
         if self.bits == 24:
             return self.values
         if self.bits == 32:

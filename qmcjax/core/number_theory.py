@@ -111,7 +111,7 @@ def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
 def _elements(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
     array = np.asarray(matrix)
     if array.dtype.kind not in "iu":
-        raise ValueError(f"{name} must hold integers, got {array.dtype}")
+        raise ValueError(f"{name} must contain integers, got {array.dtype}")
     # In at least 32 bits: q may exceed the range of narrower integers.
     return (array.astype(np.result_type(array, np.uint32)) % q).astype(np.int64)
 

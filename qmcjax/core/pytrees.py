@@ -184,7 +184,7 @@ def _to_json(value: Any) -> Any:
     if module.split(".")[0] == _PACKAGE and getattr(importlib.import_module(module), name, None) is value:
         return {"module": module, "function": name}
     raise TypeError(
-        f"static fields must hold numbers, strings, tuples or functions of {_PACKAGE}, got {value!r:.80}"
+        f"static fields must contain numbers, strings, tuples or functions of {_PACKAGE}, got {value!r:.80}"
     )
 
 

@@ -93,7 +93,7 @@ def contents(path: Path, max_bytes: int) -> bytes:
         if len(data) > max_bytes:
             raise ValueError(f"must take at most max_bytes={max_bytes}, got more when unpacked")
     if not data.strip():
-        raise ValueError("must hold numbers, got an empty file")
+        raise ValueError("must contain numbers, got an empty file")
     return data
 
 
@@ -114,7 +114,7 @@ def lines(data: bytes) -> list[Line]:
         if fields or end >= 0:
             found.append(Line(number, fields, None if end < 0 else line[end + 1 :].strip()))
     if not any(line.fields for line in found):
-        raise ValueError("must hold numbers, got nothing but comments")
+        raise ValueError("must contain numbers, got only comments")
     return found
 
 

@@ -230,7 +230,7 @@ def _check_means(means: Array, made: Estimate, limits: tuple[float, float]) -> N
     allowed = max(float(abs(np.asarray(leaf)).max(initial=0)) for leaf in jax.tree.leaves(made.rounding))
     if means.min() < limits[0] - allowed or means.max() > limits[1] + allowed:
         raise ValueError(
-            f"limits must hold all values, got {limits}, and means in [{means.min()}, {means.max()}]"
+            f"limits must bound all values, got {limits}, and means in [{means.min()}, {means.max()}]"
         )
 
 

@@ -274,7 +274,7 @@ def test_orders():
     for position in (0, 1, 77, 4095):
         x, y = map(int, order.pixel(position))
         assert table.values[y, x, 0, 0] == position
-    with pytest.raises(ValueError, match="table must be of coordinates to have points"):
+    with pytest.raises(ValueError, match="table must contain coordinates to have points"):
         _ = table.points
     assert [bake_order(orders.raster(256, height)).bits for height in (1, 2, 256, 257)] == [8, 16, 16, 32]
 

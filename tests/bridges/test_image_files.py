@@ -73,7 +73,7 @@ def test_pictures_come_back_within_half_a_step(tmp_path, shape, bits):
     write_image(path, image, transfer="srgb", bits=bits)
     # The slope of sRGB's curve from values to light is at most 2.4 / 1.055.
     assert np.abs(read_image(path) - image).max() <= 0.5 / (2**bits - 1) * 2.4 / 1.055 + 1e-7
-    with pytest.raises(ValueError, match="transfer must be 'srgb', as the file says, got 'linear'"):
+    with pytest.raises(ValueError, match="transfer must be 'srgb', as the file states, got 'linear'"):
         read_image(path, transfer="linear")
     if bits == 8 or len(shape) == 2:
         whole = np.asarray(Image.open(path))
@@ -117,7 +117,7 @@ def test_chunks_that_change_the_picture_are_not_passed_over(tmp_path):
     """An exponent that is neither of sRGB nor 1, unknown chunks that are critical, pixels too many."""
     path, lines = tmp_path / "image.png", np.tile(np.uint8([0, 99, 99, 99]), (2, 1))
     cases = (
-        (picture(lines, 2, (b"gAMA", struct.pack(">I", 45455))), "the file says the exponent 0.45455"),
+        (picture(lines, 2, (b"gAMA", struct.pack(">I", 45455))), "the file states the exponent 0.45455"),
         (picture(lines, 2, (b"ABCD", b"")), "byte 33, must be an image .*: chunk b'ABCD' is unknown"),
         (
             picture(np.tile(lines, (2, 1))).replace(*sizes(4, 2)),
@@ -142,7 +142,7 @@ def test_pictures_of_other_programs(tmp_path):
     path = tmp_path / "image.png"
     grey = np.arange(6, dtype=np.uint8).reshape(2, 3) * 50
     Image.fromarray(grey).save(path)
-    with pytest.raises(ValueError, match="transfer must be given, for the file says nothing"):
+    with pytest.raises(ValueError, match="transfer must be given, since the file states nothing"):
         read_image(path)
     assert np.isclose(read_image(path, transfer="srgb")[0, 1], ((50 / 255 + 0.055) / 1.055) ** 2.4)
     Image.fromarray(grey).convert("P").save(path)
@@ -157,7 +157,7 @@ def test_light_comes_back_with_every_bit(tmp_path):
     write_image(tmp_path / "image.npy", image[..., 0])
     assert np.array_equal(read_image(tmp_path / "image.npy"), image[..., 0])
     np.save(tmp_path / "image.npy", image.astype(np.float64))
-    with pytest.raises(ValueError, match="must hold float32 of shape"):
+    with pytest.raises(ValueError, match="must contain float32 of shape"):
         read_image(tmp_path / "image.npy")
     image[1, 3] = np.nan
     np.save(tmp_path / "image.npy", image)

@@ -17,7 +17,7 @@ from qmcjax.bridges import read_points, write_points
 POINTS = np.random.default_rng(1).random((12, 3))
 POINTS[0] = [0.0, 1 - 2.0**-53, 5e-324]
 ENDINGS = (".npy", ".npz", ".csv", ".dat", ".txt", ".bin")
-PLACE = r"line \d+, (column \d+, |announces )|byte \d+, |array .*, |point \d+, |must hold |which must be "
+PLACE = r"line \d+, (column \d+, |announces )|byte \d+, |array .*, |point \d+, |must contain |which must be "
 
 TWO = [[0.1, 0.2], [0.3, 0.4]]
 
@@ -53,11 +53,11 @@ READ = {
 
 REST = "0.3 0.4\n"
 WRONG = {
-    "": "a.csv, must hold numbers, got an empty file",
-    " \n\n": "a.csv, must hold numbers, got an empty file",
-    "# one\n# two\n": "a.csv, must hold numbers, got nothing but comments",
-    "u,v\n": "a.csv, must hold points, got none",
-    gzip.compress(b""): "a.csv, must hold numbers, got an empty file",
+    "": "a.csv, must contain numbers, got an empty file",
+    " \n\n": "a.csv, must contain numbers, got an empty file",
+    "# one\n# two\n": "a.csv, must contain numbers, got only comments",
+    "u,v\n": "a.csv, must contain points, got none",
+    gzip.compress(b""): "a.csv, must contain numbers, got an empty file",
     gzip.compress(REST.encode())[:-3]: "a.csv, byte 0, must be a whole file of gzip: ",
     '{"points": [[0.1, 0.2]]}': "line 1, column 1, must be numbers without brackets, unlike JSON, got '{",
     "[[0.1, 0.2],\n [0.3, 0.4]]": r"line 1, column 1, must be numbers without brackets, .* got '\[\[0.1'",
@@ -185,9 +185,9 @@ def test_arrays_are_those_that_numpy_reads(tmp_path, version):
 def test_floats_with_more_digits_are_not_cut_off(tmp_path):
     long = np.array([[1 / np.longdouble(3)]])
     np.save(tmp_path / "long.npy", long)
-    with pytest.raises(ValueError, match=f"must hold floats of shape .* got {long.dtype}"):
+    with pytest.raises(ValueError, match=f"must contain floats of shape .* got {long.dtype}"):
         read_points(tmp_path / "long.npy")
-    with pytest.raises(ValueError, match=f"points: must hold floats of shape .* got {long.dtype}"):
+    with pytest.raises(ValueError, match=f"points: must contain floats of shape .* got {long.dtype}"):
         write_points(tmp_path / "long.csv", long)
 
 
@@ -211,7 +211,7 @@ def test_point_sets_of_archives_binary_files_and_texts(tmp_path):
         ("a.bin", {}, r"dims must be given for \.bin files"),
         ("a.dat", {"which": 2}, "which must be below the 2 point sets .* got 2"),
         ("a.dat", {"which": -1}, "which must be .* got -1"),
-        ("a.npy", {}, "must hold floats"),
+        ("a.npy", {}, "must contain floats"),
     ):
         with pytest.raises(ValueError, match=message):
             read_points(tmp_path / name, **given)
@@ -285,7 +285,7 @@ def test_files_of_integers_are_decoded_alike(reader, text, tmp_path):
     ):
         assert repr(reader(written(tmp_path / "a.txt", data))) == exact, data
     for data, message in (
-        ("", "must hold numbers, got an empty file"),
+        ("", "must contain numbers, got an empty file"),
         ('{"n": 5}', "line 1, column 1, must be numbers without brackets, unlike JSON"),
         (f"{text}-1\n", r"line \d, column 1, must be non-negative integers, or a comment after #, got '-1'"),
     ):

@@ -104,7 +104,7 @@ test_bad_input_is_named = refuses(
     {
         "q must be prime, got 4": lambda: number_theory.rank(np.eye(2, dtype=int), 4),
         r"q must be an integer in \[2, 65535\], got 1": lambda: number_theory.rank(np.eye(2, dtype=int), 1),
-        "matrix must hold integers, got float64": lambda: number_theory.rank(np.eye(2), 3),
+        "matrix must contain integers, got float64": lambda: number_theory.rank(np.eye(2), 3),
         r"matrix must have two axes, got shape \(3,\)": lambda: number_theory.rank(np.arange(3), 3),
         r"matrix must be square, got shape \(2, 3\)": lambda: number_theory.inverse(np.ones((2, 3), int), 3),
         "matrix must be invertible over F_3, got rank 1 of 3": lambda: number_theory.inverse(

@@ -135,7 +135,7 @@ def test_choices_are_written_and_read(choice):
 
 @pytest.mark.parametrize("choice", [lambda: 1, test_names_are_public, orders, 1j, (1, pytest), jnp.sin])
 def test_what_cannot_be_written_is_named(choice):
-    with pytest.raises(TypeError, match="Choices cannot be serialized: static fields must hold numbers"):
+    with pytest.raises(TypeError, match="Choices cannot be serialized: static fields must contain numbers"):
         again(lambda value: value.x, Choices(jnp.zeros(2), choice))
 
 

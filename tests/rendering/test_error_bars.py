@@ -248,7 +248,7 @@ test_bad_input_is_named = refused(
         lambda: qj.integrate(smooth, SOBOL, 16, limits=(0, 3)),
         r"limits must be None without replicates, got \(0, 3\)",
     ),
-    (lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must hold all values, got"),
+    (lambda: estimate(smooth, "betting", 1, limits=(0, 0.5)), "limits must bound all values, got"),
     (lambda: estimate(smooth, "student", 1, tolerance=0.0), "tolerance must be positive"),
     (TypeError, lambda: estimate(smooth, "student", 1, tolerance=[1.0]), "tolerance must be a number, got"),
     (

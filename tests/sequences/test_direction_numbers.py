@@ -89,7 +89,7 @@ def test_irreducible_polynomials_that_are_not_primitive_do():
         ),
         (["2 1 0"], "a.txt, line 1, must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
         (["2 1 0 -1"], "a.txt, line 1, column 7, must be non-negative"),
-        (["d s a m_i"], "a.txt, must hold direction numbers, got none"),
+        (["d s a m_i"], "a.txt, must contain direction numbers, got none"),
     ],
 )
 def test_errors_name_the_line(lines, message, tmp_path):

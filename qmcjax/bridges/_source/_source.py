@@ -89,7 +89,7 @@ def source(
 
     Notes
     -----
-    Integers of 64 bits and float64 stay what they are in C and CUDA, and become words in other languages.
+    64-bit integers and float64 are kept in C and CUDA, and become words in other languages.
 
     Samplers, sequences and orders have equal bits in all languages. Scenes compute with float32, where
     compilers may fuse products and sums and functions such as the sine are rounded differently: the page

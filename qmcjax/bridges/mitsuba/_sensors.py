@@ -124,7 +124,7 @@ def load_scene(scene: Any) -> tuple[Any, Any]:
     mitsuba = import_mitsuba()
     if mitsuba.variant() is None:
         raise ValueError(
-            "scene must be loaded in a variant of Mitsuba, got one before register set a variant"
+            "scene must be loaded in a variant of Mitsuba, got a scene loaded before register set one"
         )
     if isinstance(scene, str | PathLike):
         if not Path(scene).is_file():

@@ -81,7 +81,7 @@ def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
                 file.path, file.lines[-1].number, f"the last of {dims - 1} lines", f"{len(lines)} lines"
             )
     if not lines:
-        raise ValueError(f"{file.path}, must hold direction numbers, got none")
+        raise ValueError(f"{file.path}, must contain direction numbers, got none")
     known = joe_kuo_numbers(slice(len(lines))) if kind == "sobol" else []
     if kind == "sobol" and len(known) < len(lines):
         raise wrong(

@@ -233,7 +233,7 @@ def to_earlier(matrices: Array | NDArray[np.uint32]) -> Array:
             dim, k = np.argwhere(diagonal == 0)[0]
             raise ValueError(
                 f"sequence must have one of its first {2 ** (k + 1)} points in each interval of length "
-                f"2**-{k + 1}, got others in coordinate {dim}"
+                f"2**-{k + 1}, got a different number in coordinate {dim}"
             )
     return indices
 

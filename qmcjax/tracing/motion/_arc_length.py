@@ -185,7 +185,7 @@ def _divide(pieces: _Pieces) -> tuple[_Pieces, float]:
         if not going.any():
             break
         if len(going) + going.sum() > _MOST:
-            raise ValueError(f"the curve must have a length that {_MOST} pieces tell, got one with more")
+            raise ValueError(f"the length of the curve must take at most {_MOST} pieces, got more")
         halves = _halve(pieces.rows(going))
         times = 1 + going
         pieces, going = _Pieces(*(np.repeat(part, times, axis=0) for part in pieces)), np.repeat(going, times)

@@ -248,7 +248,7 @@ def merge_space(columns: Floats, room: Room, start: int, middle: int, stop: int,
         levels += 1
     found, rest = 0.0, 0.0
     for level in range(levels - 1, -1, -1):
-        # Halves of equal sizes, so that half of the points suffices for the lower ones.
+        # Halves of equal sizes: half of the points suffices for the lower ones.
         for k in range(1 << level):
             first, end = size * k >> level, size * (k + 1) >> level
             between = size * (2 * k + 1) >> level + 1

@@ -98,7 +98,7 @@ def _all_pairs(points: Array, kernel: Kernel, gradient: bool) -> Sums:
                 return None, (rows, jnp.matmul(ones, both).reshape(2, side))
 
             _, (rows, columns) = lax.scan(derivative_sums, None, axes)
-            # A tile on the diagonal holds each pair in both orders, and any other one has weight 2.
+            # A tile on the diagonal contains each pair in both orders; other tiles have weight 2.
             for tile, at, sums_at, sign in ((i, axes[0], rows, 1), (j, axes[1], columns, -1)):
                 more = (kernel.own_derivative(at) * sums_at[:, 0] + sign * sums_at[:, 1]) / 2
                 gradients = lax.dynamic_update_slice_in_dim(

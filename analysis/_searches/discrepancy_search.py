@@ -189,7 +189,7 @@ class Ranked:
         return np.stack([x, y[of_x]], axis=1)
 
     def reach(self, level: float, rounds: int = _ROUNDS) -> bool:
-        """Move the coordinates so that they reach a level, if possible."""
+        """Move the coordinates to reach a level, if possible."""
         if not tighten(*self.state, level, rounds):
             return False
         self.level = level

@@ -3,7 +3,7 @@
 C_1 and C_2 generate a (0,2)-sequence in base 2 if and only if C_1 = L_1 U and C_2 = L_2 P U, where P is
 Pascal's triangle modulo 2, the L are lower and U is upper triangular, all with ones on the diagonal (Hofer
 and Suzuki). In short: the leading minors of C_1 are 1, hence C_1 = L_1 U, and likewise C_2 U^-1 = L_2 V with
-an upper triangular V. Then I and V generate a (0,2)-sequence too, so that the minors of V with the first j
+an upper triangular V. Then I and V generate a (0,2)-sequence, too, so the minors of V with the first j
 rows and any j adjacent columns are 1. These determine V, entry by entry, and P satisfies them.
 
 So annealing may flip any entries off the diagonals and visits (0,2)-sequences only. Elementary intervals that

@@ -126,7 +126,7 @@ def _propagate(
 
 @compiled
 def tighten(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, rounds: int) -> bool:
-    """Change the coordinates so that they reach a level, if possible; else leave them."""
+    """Change the coordinates to reach a level, if possible; otherwise do not change them."""
     size = 2 * len(x) + 1
     kept_x, kept_y = x.copy(), y.copy()
     if _propagate(x, y, of_x, of_y, level, -1, np.arange(size), size, rounds * size):
@@ -137,7 +137,7 @@ def tighten(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, rounds: 
 
 @compiled
 def _swap(x: Floats, y: Floats, of_x: Ints, of_y: Ints, level: float, i: int, queue: Ints) -> bool:
-    """Swap the ranks i and i + 1 in x, if the level can be kept; else leave everything as it is."""
+    """Swap the ranks i and i + 1 in x if the level can be kept; otherwise change nothing."""
     n = len(x)
     a, b = of_x[i], of_x[i + 1]
     of_x[i], of_x[i + 1] = b, a

@@ -6,7 +6,7 @@ the largest local discrepancy found: that is the star discrepancy. If the search
 bound is still an upper one, as the regions are a bracketing cover, refined where it matters.
 
 The bound adds one slab per dimension to the box l. Let V be the volume and N the number of points.
-Raising the coordinates of l to those of q one after the other, from the last to the first,
+Raising the coordinates of l to those of q one after another, from the last to the first,
 
     V(q) - V(l) = sum_j  prod_(k<j) l_k  (q_j - l_j)  prod_(k>j) q_k.
 

@@ -84,7 +84,7 @@ def _extent(centre: NDArray, radius: int, size: int) -> NDArray:
 
 
 def _centres(along: NDArray, is_step: NDArray, radius: int, size: int) -> tuple[NDArray, NDArray]:
-    """Return the first centre, and one after the last, whose neighbourhoods hold both ends of a step."""
+    """Return the first centre, and one after the last, with both ends of a step in their neighbourhoods."""
     start, end = along[:-1][is_step], along[1:][is_step]
     first = np.maximum(np.maximum(start, end) - radius, 0)
     return first, np.minimum(np.minimum(start, end) + radius + 1, size)

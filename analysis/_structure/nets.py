@@ -61,7 +61,7 @@ class _BinaryNet(MatrixNet):
 
 
 class _PrimeNet(MatrixNet):
-    """Rows over F_q, as arrays. A basis holds pairs of a column and a vector that is 1 there."""
+    """Rows over F_q, as arrays. A basis contains pairs of a column and a vector that is 1 there."""
 
     def __init__(self, m: int, rows: list[list[Any]], q: int):
         super().__init__(m, rows)

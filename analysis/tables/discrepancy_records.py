@@ -65,7 +65,7 @@ MEASURES: dict[str, Callable[[NDArray[Any]], float]] = {
 
 
 def improve(kept: dict[str, Any], discrepancy: str, n: int, dims: int, seconds: float) -> None:
-    """Search one size; keep what is better, and the seconds that went into it."""
+    """Search one size; keep better points, and the seconds spent on them."""
     name = f"{discrepancy}_{dims}d_{n}"
     spent, began = float(kept.get(f"{name}_seconds", 0.0)), time.process_time()
     start = kept[name] * 2.0**-32 if name in kept else None

@@ -51,7 +51,7 @@ DIGITS = 12
 """Digits of points that count."""
 
 LEAST = 3e-3
-"""Xors of pixels with less weight are left out."""
+"""Xors of pixels with less weight are omitted."""
 
 STARTS, TRIALS = 3, 20_000
 HOT, COLD = 0.01, 2e-4

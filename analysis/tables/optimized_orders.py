@@ -35,13 +35,13 @@ FILTER = 1.5
 """Standard deviation in pixels of the Gaussian filter of the objective."""
 
 LEAST = 1e-3
-"""Pairs of pixels with less weight are left out; that of a pixel and itself is 1."""
+"""Pairs of pixels with less weight are omitted; the weight of a pixel with itself is 1."""
 
 REACH = int(np.sqrt(-4 * np.log(LEAST)) * FILTER)
 """Largest distance along an axis of pixels with more weight."""
 
 AROUND = 4
-"""Tiles that share a parent, so that a pixel at the border of one has neighbours in another."""
+"""Tiles that share a parent: a pixel at the border of one has neighbours in another."""
 
 SPARSE = 0.25
 """Weight of the first samples if there are 2, 8, 32, ... times as many in all; 1 if it is a power of 4."""

@@ -239,7 +239,7 @@ _JOINT = {"half_spaces": 1.0, "half_planes": 1.0, "steps": 0.5}
 
 
 def _equal(filters: tuple[Filter, ...], shape: tuple[int, ...]) -> list[Filter]:
-    """Return filters with weights such that independent samples have equal errors after each of them."""
+    """Return filters weighted to give independent samples equal errors after each of them."""
     return [one._replace(weight=1 / autocorrelation(shape, one)[0, 0, 0]) for one in filters]
 
 

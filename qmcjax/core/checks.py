@@ -90,7 +90,7 @@ def function(name: str, value: Any, of: str, count: int = 1) -> None:
     """Raise a TypeError unless ``value`` is a function of ``count`` arguments; ``of``: these, in words."""
     if isinstance(value, type) or not callable(value):
         raise TypeError(f"{name} must be a function {of}, got {shown(value)}")
-    # Python takes the first argument of a static __call__ for the object.
+    # Python would treat the first argument of a static __call__ as the object.
     if isinstance(inspect.getattr_static(type(value), "__call__", None), staticmethod):
         value = value.__call__
     try:
@@ -153,7 +153,7 @@ def unsigned(name: str, value: Any, limit: int = INDEX_LIMIT) -> Array:
         except (TypeError, ValueError):
             given = np.asarray(None)
         if given.size == 0 and not hasattr(value, "dtype"):
-            given = given.astype(np.uint32)  # NumPy makes float64 of an empty list.
+            given = given.astype(np.uint32)  # An empty list becomes float64 in NumPy.
     if not jnp.issubdtype(given.dtype, np.integer):
         what = shown(value) if np.ndim(given) == 0 else f"{given.dtype} {given.shape}"
         raise TypeError(f"{name} must be integers in [0, {limit - 1}], got {what}")
@@ -178,7 +178,7 @@ def frame(value: Any, limit: int = INDEX_LIMIT) -> Array:
 
 
 def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
-    """Return the tuple of wanted dimensions; all of them for None."""
+    """Return the tuple of requested dimensions; all for None."""
     if wanted is None:
         return tuple(range(available))
     try:
@@ -193,11 +193,11 @@ def dimensions(wanted: Any, available: int) -> tuple[int, ...]:
 
 
 def prng_key(name: str, value: Any) -> Array:
-    """Return a typed key of threefry, made of another key or an integer, whatever the user's flags are.
+    """Return a typed threefry key from another key or an integer, independently of the user's flags.
 
-    A key of "rbg" consists of two keys of threefry, which JAX makes, splits and folds in like others. The
-    first is used: the bits of "rbg" depend on the device and on ``vmap``, and ``jax.random.key(7)`` gives the
-    same bits where the user has made "rbg" the default.
+    An "rbg" key consists of two threefry keys, which JAX creates, splits and folds in like others. The first
+    is used: the bits of "rbg" depend on the device and on ``vmap``, and ``jax.random.key(7)`` gives the same
+    bits if the user has made "rbg" the default.
     """
     try:
         if (
@@ -205,7 +205,7 @@ def prng_key(name: str, value: Any) -> Array:
             and value.dtype == jnp.uint32
             and value.shape in ((2,), (4,))
         ):
-            # As jax.random.PRNGKey makes it; only the default generator can have four words.
+            # From jax.random.PRNGKey; only the default generator can have four words.
             given = jax.random.wrap_key_data(jnp.asarray(value), impl=PRNG if value.shape == (2,) else None)
         elif isinstance(value, Array) and jnp.issubdtype(value.dtype, jax.dtypes.prng_key) and not value.ndim:
             given = value
@@ -236,5 +236,5 @@ def floating(dtype: Any) -> np.dtype:
 
 
 def precision(dtype: DTypeLike) -> AbstractContextManager:
-    """Return a context that allows arrays of ``dtype``, whatever the global x64 flag."""
+    """Return a context that allows arrays of ``dtype``, independently of ``jax_enable_x64``."""
     return jax.enable_x64(True) if dtype == jnp.float64 else nullcontext()

@@ -12,7 +12,7 @@ SAFE = "PYTHONSAFEPATH"
 
 
 def check() -> None:
-    """End the program, with the name of the file, if a package is not the one beside this one."""
+    """Exit with the name of the file if a package is not the one installed with this one."""
     root = Path(__file__).resolve().parents[2]
     for name in PACKAGES:
         found = importlib.util.find_spec(name)
@@ -26,7 +26,7 @@ def check() -> None:
 
 
 def main() -> int:
-    """Run the command line, ``python -m figures``, whatever the files in the current folder are called."""
+    """Run the command line, ``python -m figures``, for any file names in the current folder."""
     os.environ[SAFE] = "1"  # For the processes that it starts.
     check()
     return importlib.import_module("figures.__main__").until_nobody_reads()

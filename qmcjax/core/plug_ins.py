@@ -18,7 +18,7 @@ _PLAIN = Array | np.ndarray | np.generic | int | float | str | FunctionType | ty
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Identity:
-    """An object that equals only itself, whatever its class defines."""
+    """An object that equals only itself, for any ``__eq__`` of its class."""
 
     value: Any
 

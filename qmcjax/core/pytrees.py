@@ -43,7 +43,7 @@ def one_line(value: Any) -> str:
 
 
 _SIMPLE = 40
-"""Attributes with a longer repr are left out."""
+"""Attributes with a longer repr are omitted."""
 
 
 def equal(one: Any, other: Any) -> Any:

@@ -105,7 +105,7 @@ def lines(data: bytes) -> list[Line]:
     """
     found = []
     for number, line in enumerate(_END.split(_decoded(data)), start=1):
-        # Quotes hide what is between them: same length, so same columns.
+        # Mask quoted text with equal length, to keep columns.
         plain = _QUOTED.sub(lambda quoted: "_" * len(quoted[0]), line) if '"' in line or "'" in line else line
         end = plain.find("#")
         fields = _fields(line, plain if end < 0 else plain[:end])

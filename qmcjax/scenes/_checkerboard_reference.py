@@ -2,7 +2,7 @@ r"""Exact pixel means of the checkerboard seen in perspective.
 
 With ``S(t) = (-1)**floor(t)`` the scene is ``(1 + S(X) S(Z)) / 2`` at depth ``Z = s/y``, ``X = c Z``,
 ``c = x - 1/2``. Write ``v = y/s = 1/Z``. Along a scan line ``S`` integrates to ``T``, the distance to the
-nearest even integer, so that the mean over a pixel between the column edges ``c0 < c1`` is
+nearest even integer. So the mean over a pixel between the column edges ``c0 < c1`` is
 
     1/2 + width height / 2 (G(c1) - G(c0)),    G(c) = s \int S(1/v) v T(c/v) dv
 

@@ -62,7 +62,7 @@ class Gaussian(ExactScene):
     """The bump ``exp(-|p - centre|**2 / (2 width**2))``."""
 
     centre: Any
-    """Where it is 1, shape (2,)."""
+    """Position of the maximum, shape (2,)."""
     width: Any
     """Its standard deviation."""
     needs: ClassVar[tuple[str, ...]] = ("x", "y")

@@ -129,7 +129,7 @@ class Prepared:
         return [builder.convert(part, UINT) for part in (bits >> 32, bits)]
 
     def _member(self, builder: Builder, value: Value, flat: list[Value]) -> Value:
-        """Return a value made of its members, which become inputs."""
+        """Return a value composed of its members, which become inputs."""
         if self._has_64 or value.dtype.itemsize < 8:
             flat.append(builder.input(len(flat), value.dtype))
             flat[-1].interval, flat[-1].nan = limits_of(value), value.nan

@@ -15,13 +15,13 @@ from qmcjax.bridges._source._program import DTYPES, Value
 from qmcjax.core import checks
 
 Entries: TypeAlias = Any
-"""What an array of a jaxpr is read into: a NumPy array of known numbers, or of one Value each (object)."""
+"""An array of a jaxpr: a NumPy array of known numbers, or of one Value each (object)."""
 
 MOST_ENTRIES = 2**12
 """Largest number of scalars that an array of unknown values may have."""
 
 Rule = Callable[["Reader", "Equation", list[Entries]], Sequence[Entries]]
-"""What makes of the arrays that an equation is given those that it returns."""
+"""A function from the argument arrays of an equation to its results."""
 
 _HOW = frozenset(
     """
@@ -172,7 +172,7 @@ def open_jaxpr(jaxpr: Any) -> Any:
 CALLS = frozenset(("jit", "closed_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat2"))
 """Primitives with a rule even for known arguments: others are evaluated by JAX."""
 CONTAINERS = CALLS | {"cond", "scan", "while"}
-"""Primitives whose jaxprs say what they compute; their other parameters are those of compilers."""
+"""Primitives defined by their jaxprs; their other parameters are for compilers."""
 
 
 def elementwise(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:

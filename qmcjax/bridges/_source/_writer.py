@@ -200,7 +200,7 @@ class Source(str):
 class Writer:
     """The text of an object in a language; all names begin with ``name``.
 
-    Inputs of its programs are the seeds first, then what is named.
+    Inputs of its programs are the seeds, then the named parameters.
     """
 
     def __init__(self, language: Language, name: str, seeds: NDArray[np.uint32]) -> None:

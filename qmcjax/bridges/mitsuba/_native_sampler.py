@@ -94,7 +94,7 @@ def _folder() -> Path:
     else:
         caches = Path(os.path.expanduser("~")) / ("Library/Caches" if sys.platform == "darwin" else ".cache")
     folder = caches / "qmcjax" / "mitsuba"
-    folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # Who writes to it has his code run here.
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # Private: its libraries are executed.
     return folder
 
 
@@ -167,7 +167,7 @@ class Functions:
         self.seeds = np.concatenate([Seeded.of(sampler).words(), np.asarray(padding, np.uint32)])
 
     def task(self, blocks: Blocks, first: int) -> tuple[Task, Any]:
-        """Return the task of an image, and what it refers to."""
+        """Return the task of an image, and the arrays that it refers to."""
         corners, window = blocks.corners.astype(np.uint32), blocks.window
 
         def address(name: str) -> int | None:

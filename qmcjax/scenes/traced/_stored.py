@@ -51,7 +51,7 @@ class Stored(NamedTuple):
 
 
 def content(scene: Any) -> Content:
-    """Return the arrays and static fields a scene is made of."""
+    """Return the arrays and static fields of a scene."""
     leaves = jax.tree.leaves(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         raise TypeError(f"scene must be known before tracing, got {checks.shown(scene)}")

@@ -1,1 +1,1 @@
-"""Estimators of radiance: scenes made of a world and a camera."""
+"""Estimators of radiance: scenes from a world and a camera."""

@@ -65,7 +65,7 @@ class _Surface(NamedTuple):
     If a light path may have J more surfaces than it has now, squared ratios are
     ``r^2 (open + b^2 others[J - 2])``: r is ``scale`` times the light's density of the direction to here over
     the squared distance, b the density of the direction back to the previous surface. For J = 1 the last term
-    is left out.
+    is omitted.
     """
 
     at: SurfaceInteraction

@@ -134,7 +134,7 @@ class _Flying(NamedTuple):
     """Photons on their way, arrays of n rows."""
 
     number: NDArray
-    """Index of the point that the photon is made of."""
+    """Index of the point that generated the photon."""
     origin: NDArray
     direction: NDArray
     energy: NDArray

@@ -77,7 +77,7 @@ class Rectangle(Shape):
         start = times(scale, minus(along(prepared.origin, distance, prepared.direction), corner))
         inside = True
         for part, dual in zip(shares(start, u, v), duals(u, v), strict=True):
-            # Enlarged by rounding, so that rays do not slip between rectangles that share an edge.
+            # Enlarged by rounding: rays do not slip between rectangles that share an edge.
             wider = scale * slack * length(dual)
             inside &= (part >= -wider) & (part <= 1 + wider)
         return jnp.where(inside, distance, jnp.inf)
@@ -262,7 +262,7 @@ class Cylinder(Shape):
         hits = []
         for distance in crossings:
             at = height + distance * climb
-            # Enlarged by rounding, so that rays do not slip between the side and a disc at its end.
+            # Enlarged by rounding: rays do not slip between the side and a disc at its end.
             there = (at >= -slack) & (at <= tall + slack) & (squared > 0)
             hits.append(jnp.where(there & ahead(distance, prepared, slack), distance, jnp.inf))
         return jnp.minimum(*hits)

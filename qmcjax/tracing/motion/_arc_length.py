@@ -195,7 +195,7 @@ def _divide(pieces: _Pieces) -> tuple[_Pieces, float]:
 
 
 def _halve(pieces: _Pieces) -> _Pieces:
-    """Return both halves of pieces, one after the other, by de Casteljau's algorithm."""
+    """Return both halves of pieces, one after another, by de Casteljau's algorithm."""
     steps, weights = pieces.steps, pieces.weights
     first, last, left, right = [weights[:, 0]], [weights[:, -1]], [], []
     for _ in range(steps.shape[1]):

@@ -161,7 +161,7 @@ def _flat(kind, rows, k, origin, direction, slack):
     if kind == DISC:
         reach = rows[k, 6] + slack
         return distance if dot(start, start) <= reach * reach else none
-    # Enlarged by rounding, so that rays do not slip between rectangles that share an edge.
+    # Enlarged by rounding: rays do not slip between rectangles that share an edge.
     u, wider = dot(start, vector(rows, k, 6)), slack * rows[k, 13]
     v, higher = dot(start, vector(rows, k, 9)), slack * rows[k, 14]
     inside = u >= -wider and u <= one + wider and v >= -higher and v <= one + higher
@@ -234,7 +234,7 @@ def _cylinder(rows, k, origin, direction, squared, slack):
     if not around > 0:
         return none
     near, far = _crossings(_along(start, -height, up), across, around, rows[k, 7], slack)
-    # Enlarged by rounding, so that rays do not slip between the side and a disc at its end.
+    # Enlarged by rounding: rays do not slip between the side and a disc at its end.
     at = height + near * climb
     if at >= -slack and at <= tall + slack and _ahead(near, squared, slack):
         return near

@@ -63,8 +63,9 @@ def read_points(
     Archives have checksums, and so do ``.dat`` and ``.txt`` files of :func:`write_points`, in a comment: they
     detect every change. In other formats a changed digit gives another point.
 
-    References ---------- .. [1] H. Perrier, D. Coeurjolly, V. Ostromoukhov, "Uni(corn|form) tool kit",
-    https://utk-team.github.io/utk.
+    References
+    ----------
+    .. [1] H. Perrier, D. Coeurjolly, V. Ostromoukhov, "Uni(corn|form) tool kit", https://utk-team.github.io/utk.
 
     Examples
     --------

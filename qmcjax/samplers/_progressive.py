@@ -77,7 +77,9 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     Progressive
         For up to 2**32 samples per pixel. The order was optimised for up to 4096.
 
-    Notes ----- Points have 32 binary digits, and the nets up to 2**32 points. Each aligned block of ``2**k``
+    Notes
+    -----
+    Points have 32 binary digits, and the nets up to 2**32 points. Each aligned block of ``2**k``
     samples, in all pixels of an aligned square of ``2**i`` pixels per side, is a (t, k + 2i, s)-net: in
     single pixels and in squares, for the first samples and for later ones. In s = 2 dimensions t = 0. In
     four, t = 1 in single pixels and in squares with 4, 16, 64, ... pixels per side for k > 1; elsewhere t was

@@ -51,7 +51,7 @@ TABLES: dict[str, tuple[Any, ...]] = {
 
 
 def write(path: Path, content: Content) -> None:
-    """Write a file in the place of an old one, which stays until the new one is complete."""
+    """Replace a file, keeping the old one until the new one is complete."""
     part = path.with_name(f"{path.stem}.part{path.suffix}")
     if isinstance(content, dict):
         np.savez_compressed(part, **content)
@@ -61,7 +61,7 @@ def write(path: Path, content: Content) -> None:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Make the files that are named on the command line."""
+    """Make the files named on the command line."""
     parser = argparse.ArgumentParser(prog="python -m analysis.tables", description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="file to make")
     parser.add_argument("--folder", type=Path, help="where files go (default: the package that reads them)")

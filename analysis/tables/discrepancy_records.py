@@ -61,7 +61,7 @@ MEASURES: dict[str, Callable[[NDArray[Any]], float]] = {
     "periodic": lambda points: float(analysis.periodic_discrepancy(points)),
     "average": lambda points: float(analysis.symmetric_discrepancy(points)) / 2 ** points.shape[1],
 }
-"""The average squared discrepancy, here its root, is the symmetric discrepancy but for a factor."""
+"""The average squared discrepancy, here its root, is a multiple of the symmetric discrepancy."""
 
 
 def improve(kept: dict[str, Any], discrepancy: str, n: int, dims: int, seconds: float) -> None:

@@ -63,7 +63,7 @@ ZERO, ONE, Z = Series(PRECISION, 0), Series(0, 1 << PRECISION - 1), Series(1, 1 
 
 
 def power(base: Series, exponent: int) -> Series:
-    """Return a power of a series, of an exponent that is not negative."""
+    """Return a power of a series with a non-negative exponent."""
     result = ONE
     for _ in range(exponent):
         result = result * base
@@ -71,7 +71,7 @@ def power(base: Series, exponent: int) -> Series:
 
 
 def compose(outer: Series, inner: Series) -> Series:
-    """Return a series of another one of positive order, by Horner's rule."""
+    """Substitute a series of positive order into another one, by Horner's rule."""
     result = ZERO
     for k in range(PRECISION):
         result = result * inner + (ONE if outer.bits >> k & 1 else ZERO)

@@ -47,10 +47,10 @@ SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}
 """By the number of coordinates."""
 
 STARTS = 4
-"""Searches, the best of which is kept."""
+"""Number of searches, of which the best is kept."""
 
 TRIALS = 100_000
-"""Changes that are tried in each search."""
+"""Number of changes tried in each search."""
 
 RANK_TRIALS = 20_000
 
@@ -167,7 +167,7 @@ def _energy(table, shift, words, codes, weights):
 
 @numba.njit(cache=True)
 def change_words(words):
-    """Add one word to another of the same or a finer level, or exchange two of a level; else return none."""
+    """Add one word to another of the same or a finer level, or exchange two of a level, or return None."""
     one, other = np.random.randint(words.size), np.random.randint(words.size)
     if one == other or other // 2 > one // 2:
         return words[:0]
@@ -271,7 +271,7 @@ HEAD = """\
 
 
 def table() -> Iterator[str]:
-    """Yield the words, one number of dimensions and of samples after the other."""
+    """Yield the words, by numbers of dimensions and of samples."""
     text = HEAD
     for dims in SEQUENCES:
         for log_count in range(LOG_COUNTS):

@@ -39,13 +39,13 @@ from qmcjax.core.bits import pascal
 
 DIMS = 4
 LOG_COUNTS = 3
-"""There are tables for 1, 2, and 4 samples; larger numbers take the last one."""
+"""There are tables for 1, 2, and 4 samples; larger numbers use the last one."""
 
 LOG_FRAMES = 5
 """Columns of T_j that are searched."""
 
 TIMES = (2, 0, 1, 3)
-"""Coordinates of Sobol's sequence with the first words, and the further columns of T_j."""
+"""Coordinates of the Sobol' sequence with the first words, and the further columns of T_j."""
 
 DIGITS = 12
 """Digits of points that count."""
@@ -58,7 +58,7 @@ HOT, COLD = 0.01, 2e-4
 """First and last temperature, of the logarithm of the mean square."""
 
 TIME_MOVES = 0.3
-"""Share of changes that are of frames."""
+"""Fraction of changes that concern frames."""
 
 IN_TIME, ALL = np.array([0, 0, 0, 1, 1]) / 2, np.array([1, 1, 1, 8, 2]) / 13
 """Weights of the filters: frames are searched for those in time alone, then together with the pixels for all.
@@ -203,7 +203,7 @@ HEAD = """\
 
 
 def table() -> Iterator[str]:
-    """Yield the words, one number of samples after the other."""
+    """Yield the words, by number of samples."""
     text = HEAD
     for log_count in range(LOG_COUNTS):
         words, times = search(log_count)

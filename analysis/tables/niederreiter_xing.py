@@ -30,9 +30,9 @@ LOWEST = 120
 """Largest order of a pole of the functions that are used."""
 
 TRIES = 24
-"""Choices of P and D of which the best is taken."""
+"""Number of choices of P and D, of which the best is used."""
 ORDERS = range(2, 17)
-"""Nets of 2**m points whose pairs of coordinates are looked at."""
+"""Nets of 2**m points whose pairs of coordinates are compared."""
 
 
 def rows_of(field: Field, at: int, divisor: tuple[int, ...], i: int) -> list[int]:

@@ -50,7 +50,7 @@ HOT, COLD = 0.6, 0.01
 """First and last temperature, as parts of the variance of the mean of a pixel."""
 
 TRIALS = 1500
-"""Exchanges that are tried per pixel, and as many other first samples."""
+"""Exchanges tried per pixel, and equally many other first samples."""
 
 
 class Pairs(NamedTuple):

@@ -65,7 +65,7 @@ SHORT_TRIALS, SHORT_COUNTS = 15, (0, 2, 4, 6)
 """Exchanges, and binary logarithms of numbers of samples, in the short searches."""
 
 DIGITS = {2: 16, 4: 12}
-"""Points of which a coordinate has so many common digits are taken as equal there."""
+"""Points with this number of common digits in a coordinate are considered equal in it."""
 
 SEED = 1
 
@@ -200,7 +200,7 @@ def search(made: Matrices, log_counts: tuple[int, ...], trials: int) -> Found:
 
 
 def planes() -> Iterator[tuple[int, ...]]:
-    """Yield bases of the functions of a level of which the first two span each plane once."""
+    """Yield bases of the functions of a level, whose first two members span each plane once."""
     for one, other in combinations(range(1, 16), 2):
         if one ^ other > other:
             basis, span = [one, other], {0, one, other, one ^ other}

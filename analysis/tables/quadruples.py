@@ -23,7 +23,7 @@ ALLOWED = {1: 8, 2: 13, 3: 17, 4: ORDER}
 """Largest order of the matrices with a required t."""
 
 WIDTH = {1: 40, 2: 20, 3: 12, 4: 4}
-"""Partial solutions that are kept: few, if they all can be continued."""
+"""Number of partial solutions to keep: few, if all can be continued."""
 
 CHILDREN, STEPS = 4, 300
 RENUMBERINGS = 24
@@ -31,7 +31,7 @@ CROSS_ORDERS = (4, 7)
 
 
 def compositions(total: int, parts: int) -> Iterator[tuple[int, ...]]:
-    """Yield the ways to write a number as a sum of so many non-negative ones, in order."""
+    """Yield the ways to write a number as an ordered sum of this many non-negative ones."""
     if parts == 1:
         yield (total,)
         return
@@ -156,7 +156,7 @@ def pair_t(one: Matrices, other: Matrices, order: int) -> int:
 
 
 def renumber(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Generator) -> Matrices:
-    """Multiply a quadruple by one upper triangular matrix: t stays, and pairs with the others become good.
+    """Multiply a quadruple by an upper triangular matrix, which keeps t, to improve pairs with the others.
 
     Of some random matrices, the one with the smallest sum of squares of such pairs' t is taken.
     """

@@ -35,10 +35,10 @@ BASE = "random"
 """The reference for errors."""
 
 FRAMES, ALPHA = 32, 0.1
-"""Frames of an animation, and the part of a new frame in the moving average."""
+"""Frames of an animation, and the weight of a new frame in the moving average."""
 
 SHIFTS = (0.37, 0.61, 0.43, 0.71, 0.29, 0.55, 0.67, 0.33)
-"""Positions of the peaks, kinks and jumps of Genz's families, away from fractions used by samplers."""
+"""Positions of the peaks, kinks and jumps of the Genz families, away from fractions used by samplers."""
 
 SCENES: dict[int, dict[str, Any]] = {
     2: {

@@ -26,17 +26,17 @@ from qmcjax.tracing.search import compiled_world
 from qmcjax.tracing.search.program import by_program
 
 _FEW_ROWS = 16
-"""Up to so many rows, selecting from all is faster than a gather."""
+"""Number of rows up to which selecting from all is faster than a gather."""
 
 EACH = slice(None)
 """The number of a row in tables that have one row for each ray."""
 
 
 def select_rows(tables: Sequence[tuple[Any, int]], number: Array) -> list[tuple[Array, Any]]:
-    """Return for each kind of table which rays have a row there, and a table of these rows, one per ray.
+    """Return, for each kind of table, which rays have a row in it, and a table of these rows, one per ray.
 
     Tables are pytrees of arrays with rows along the first axis, given with the number of the first row; those
-    of one structure are of one kind. Rays without a row get an arbitrary one.
+    of equal structure are of one kind. Rays without a row get an arbitrary one.
     """
     kinds: dict[Any, list[tuple[Any, int]]] = {}
     for table, start in tables:
@@ -75,16 +75,16 @@ def _either(here: Array, rows: list[Any], others: list[Any] | None) -> list[Any]
 
 
 def _parts(array: Array, axes: int = 0) -> list[Array]:
-    """Return the numbers of a row, or of one row per ray: separate arrays fill the vector units."""
+    """Return the numbers of a row, or of one row per ray, as separate arrays, which fill SIMD registers."""
     flat = array.reshape(*array.shape[:axes], -1)
     return [flat[..., j] for j in range(flat.shape[-1])]
 
 
 _MANY = 512
-"""From so many triangles on, a JAX program for a processor is faster with their tree than with loops."""
+"""Number of triangles above which a JAX program on a CPU is faster with their tree than with loops."""
 
 _FEW = 47
-"""Up to so many primitives, fused loops are faster than compiled ones: they test 16 rays per step."""
+"""Number of primitives up to which fused loops are faster than compiled ones: they test 16 rays per step."""
 
 Intersector = Callable[
     [World, Sequence[Frame | None], Vector, Vector, Array, Array, bool], tuple[Array, Array]
@@ -109,14 +109,14 @@ def search(
     """
     if intersector is None:
         world, intersector = _fastest(world)
-    # Outside of all loops: motions at the given times are the same for all searches of a program.
+    # Outside all loops: all searches of a program share the motions at the given times.
     frames = [item.frame(time) for item in world.parts]
     distance, number = intersector(world, frames, origin, direction, time, limit, any_hit)
     return jnp.where(number < 0, limit, distance), number
 
 
 def _fastest(world: World) -> tuple[World, Intersector]:
-    """Return the search method, and the world with the trees that are worth it there."""
+    """Return the search method, and the world with the trees that pay off for it."""
     if not backends.current().caches:
         return world, by_program
     known = all(type(shape) in compiled_world.KINDS for shape, _ in world.batches())
@@ -133,7 +133,7 @@ class Intersection(NamedTuple):
     """Hits, components of shape (n,)."""
 
     valid: Array
-    """Whether anything is hit; if not, the numbers below are only finite."""
+    """Whether anything is hit; if not, the values below are arbitrary but finite."""
     number: Array
     """int32: number of the primitive, -1 without a hit."""
     distance: Array
@@ -149,7 +149,7 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
     """Return a world with the numbers of shapes and lights in a dtype."""
 
     def numbers(shape: Shape) -> Any:
-        # A tree is made of integers.
+        # A tree consists of integers.
         others: Any = cast(shape.alone(), dtype)
         return others if shape.tree is None else replace(others, tree=shape.tree)
 
@@ -159,9 +159,9 @@ def in_dtype(world: World, dtype: DTypeLike) -> World:
 def intersect(
     world: World, origin: Vector, direction: Vector, time: Array, known: Array | None = None
 ) -> Intersection:
-    """Return the nearest hits of rays. The choice of the primitive has no derivative; all else has.
+    """Return the nearest hits of rays, differentiable except for the choice of the primitive.
 
-    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` where they have to be searched.
+    ``known`` are numbers of primitives, -1 for nothing, ``UNKNOWN`` if they have to be searched.
     """
     fixed = jax.lax.stop_gradient((world, origin, direction, time))
     farthest = jnp.full_like(time, jnp.inf)
@@ -170,7 +170,7 @@ def intersect(
     else:
         distance, number = _confirm(*fixed, farthest, known)
     hit = number >= 0
-    # Rays without a hit, also those with NaN, continue with harmless numbers, to keep derivatives finite.
+    # Rays without a hit, including NaN, continue with harmless numbers, to keep derivatives finite.
     origin, direction = keep(hit, origin), keep(hit, direction)
     at, distance = jnp.where(hit, time, 0), jnp.where(hit, distance, 0)
     frame = frames(world, number, time)
@@ -182,7 +182,7 @@ def intersect(
     slope = dot(gradient, direction)
     step = value / jnp.where(slope == 0, 1, slope)
     distance = distance - (step - jax.lax.stop_gradient(step))
-    # Shortest way to the surface: no farther from it than its coordinates are rounded.
+    # The shortest way to the surface, within the rounding of its coordinates.
     inside = along(origin, distance, direction)
     value, gradient = surface(inside)
     squared = dot(gradient, gradient)

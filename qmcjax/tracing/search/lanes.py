@@ -1,6 +1,6 @@
 """Numba: compilation with IEEE rules, and vectors of eight numbers (lanes) as SIMD instructions.
 
-Operators, :func:`larger` and :func:`smaller` take lanes, scalars, or both: a test is written once for both.
+Operators, :func:`larger` and :func:`smaller` accept lanes, scalars, or both: one test serves both.
 """
 
 import operator
@@ -37,7 +37,7 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
 def inlined(function: Any) -> Any:
     """Compile a part of an inner loop.
 
-    There, reference counts or arrays passed on the stack would take most of the time.
+    Otherwise reference counts or arrays passed on the stack would dominate its time.
     """
     return compiled(forceinline=True, _nrt=False)(function)
 
@@ -70,14 +70,14 @@ def _is(kind: Any) -> bool:
 
 
 def _splat(builder: Any, value: Any) -> Any:
-    """Return lanes that are all the same."""
+    """Return equal lanes."""
     nothing = ir.Constant(ir.VectorType(value.type, WIDTH), ir.Undefined)
     one = builder.insert_element(nothing, value, ir.Constant(ir.IntType(32), 0))
     return builder.shuffle_vector(one, nothing, ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), None))
 
 
 def _two(make: Callable[..., Any], result: Any = None) -> Any:
-    """Return an intrinsic of two values: scalars get the type of lanes, as has the result by default."""
+    """Return an intrinsic of two values: scalars, and by default the result, get the type of lanes."""
 
     @_intrinsic
     def function(_: Any, a: Any, b: Any) -> Any:

@@ -1,7 +1,7 @@
 """Intersection by a JAX program: primitives without a tree in fused loops over tiles of rays, then trees.
 
-Still primitives are merged by kind of shape, with one loop per kind. Each kind in a moving object, or in one
-that is worth a bounding box, has its own loop, which is skipped if no ray of the tile hits the box.
+Still primitives are merged by kind of shape, with one loop per kind. Each kind in a moving object, or in an
+object that deserves a bounding box, has its own loop, which is skipped if no ray of the tile hits the box.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,19 +21,19 @@ from qmcjax.tracing._shapes.vectors import Vector, components, each, largest, mi
 from qmcjax.tracing._world.world import World, merge_kinds
 
 _FEW_RAYS = 64
-"""Up to so many rays, overhead dominates."""
+"""Number of rays up to which overhead dominates."""
 
 
 def map_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
     """Apply a function to tiles of rays, arrays of equal length, and concatenate its results.
 
-    Other devices than processors do not profit from tiles: they get all rays at once.
+    Devices other than CPUs do not profit from tiles: they get all rays at once.
     """
     count = jax.tree.leaves(rays)[0].shape[0]
     if count <= _FEW_RAYS or not backends.current().caches:
         return function(rays)
-    # XLA unrolls a loop of one iteration and fuses its inputs into each use: measured, rays take three
-    # to four times as long.
+    # XLA unrolls a loop of one iteration and fuses its inputs into each use, which takes three to four times
+    # as long.
     size = min(size, -(-count // 2))
     tiles = -(-count // size)
 
@@ -47,7 +47,7 @@ def map_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
 
 
 TREE_TILE = 1024
-"""Rays that traverse together on a processor: they wait for the slowest of them."""
+"""Rays that traverse together on a CPU; all wait for the slowest."""
 
 
 def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Array, Array]:
@@ -86,7 +86,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
         def step(state: Any) -> Any:
             """Process the current node, or the triangle of a leaf, and go to the next one.
 
-            The node is part of the state: XLA would compute it again for each result that uses it.
+            The node is part of the state: XLA would recompute it for each result that uses it.
             """
             node, row, inside, distance, limit, place = state
             skip, last = tree.skip[node], stop[node]
@@ -111,7 +111,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
                 place,
             )
 
-        # All rays enter the root, except those that can hit nothing.
+        # All rays enter the root, except those that cannot hit anything.
         inside = jnp.isfinite(rays.slack) & (limit > 0)
         none = jnp.full(limit.shape, -1, jnp.int32)
         state = jnp.zeros_like(none), none, inside, limit, limit, none
@@ -141,10 +141,10 @@ def boxes_of(vertices: Array, tree: Tree) -> Array:
 
 
 LOOP_TILE = 8192
-"""Rays tested together: their state fits the L2 cache of a processor."""
+"""Rays tested together, whose state fits the L2 cache of a CPU."""
 
 _FEW_PRIMITIVES = 4
-"""Up to so many primitives, the bounding box of an object costs more than it saves."""
+"""Number of primitives up to which the bounding box of an object costs more than it saves."""
 
 Nearest = tuple[Array, Array]
 """Distances, -inf where any hit is final, and numbers of primitives, -1 without a hit."""
@@ -157,7 +157,7 @@ class _Segment(NamedTuple):
     first: int
     stop: int
     low: Array | None
-    """(3,): their bounding box, None if it is not worth a test."""
+    """(3,): their bounding box, None if a test does not pay off."""
     high: Array | None
 
 

@@ -163,7 +163,7 @@ def periodic_discrepancy(points: ArrayLike) -> Array:
 
 
 def symmetric_discrepancy(points: ArrayLike) -> Array:
-    """Return the symmetric L2 discrepancy, over unions of the orthants at a point that touch even corners.
+    """Return the symmetric L2 discrepancy, over unions of the boxes between a point and the even corners.
 
     The mean square is summed over all projections and multiplied by 4, after Hickernell [1]_.
 
@@ -189,7 +189,7 @@ def symmetric_discrepancy(points: ArrayLike) -> Array:
 
 
 def mixture_discrepancy(points: ArrayLike) -> Array:
-    """Return the mixture discrepancy, a mean of centered and wrap-around discrepancy in all projections.
+    """Return the mixture discrepancy, a mean of centered and wrap-around discrepancies in all projections.
 
     Parameters
     ----------

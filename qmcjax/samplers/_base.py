@@ -156,7 +156,7 @@ class Sampler(abc.ABC):
         self._check_count(checks.integer("spp", spp, 1, checks.INDEX_LIMIT))
 
     def _check_count(self, spp: int, limit: int | None = None) -> None:
-        """Raise if there are fewer samples, by default those of ``limits``."""
+        """Raise if ``spp`` exceeds the number of samples, by default that of ``limits``."""
         limit = self.limits[2] if limit is None else limit
         if spp > limit:
             raise ValueError(f"spp must be at most {limit} {self._limited}, got {spp}")

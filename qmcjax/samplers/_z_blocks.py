@@ -21,7 +21,7 @@ from qmcjax.sequences import BinarySequence
 
 @frozen_pytree
 class Z(ForImage):
-    """Pixel p in the order of a constituent takes the points spp * p, ..., in its own order."""
+    """Pixel p in the order of a constituent takes points spp * p, ..., in its own order."""
 
     orders: ScrambledMorton | None
     """A family with one order per constituent; None for Z0, which uses Morton order for all."""

@@ -24,7 +24,7 @@ _CASCADE = (
     1, 1, 2, 2, 2, 2, 4, 3, 18, 2, 2, 2, 2, 23, 9, 8, 3, 1, 39, 8, 29, 1, 3, 23, 31, 35, 13, 60, 36, 35, 24,
 )
 # fmt: on
-"""The component of Joe and Kuo's table, from 1, that maps each dimension to the next."""
+"""The component of Joe and Kuo's table, counted from 1, that maps each dimension to the next."""
 
 CASCADED_DIMS = 1 + len(_CASCADE)
 

@@ -68,7 +68,7 @@ def lens_lines(count: int) -> NDArray[np.float64]:
 
 
 def lens_sheared(world: World, camera: Camera, line: ArrayLike) -> World:
-    """Make a moving world that the centre of the lens sees as points along a line on the lens see the world.
+    """Make a moving world that looks from the centre of the lens as this world does from a line on the lens.
 
     `visible_intervals` along ``camera.view(x, y)`` then returns positions on the line as times, 0 at its
     start and 1 at its end, and depths along the view as distances.

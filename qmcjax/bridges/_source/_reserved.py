@@ -95,17 +95,17 @@ _RESERVED = {
         as(double|float|u?int\w*|m(_fragment)?) BlendState (RW)?(ByteAddress|Structured)?Buffer catch
         [ct]buffer centroid class cl(ip|amp) column_major compile(_fragment)? \w+Shader(Stream)?
         (const|dynamic|reinterpret|static)_cast countbits dd[xy]\w* delete DepthStencil\w+ discard dst dword
-        errorf Evaluate\w+ explicit export f16tof32 f32tof16 firstbit\w+ frac friend fwidth fxgroup Gather\w*
-        globallycoherent groupshared (Input|Output)Patch inout in out interface Interlocked\w+
+        errorf Evaluate\w+ explicit export f16tof32 f32tof16 firstbit\w+ frac friend fwidth fxgroup
+        Gather\w* globallycoherent groupshared (Input|Output)Patch inout in out interface Interlocked\w+
         is(finite|inf|nan) lerp line(ar|adj)? (Line|Point|Triangle)Stream lit log10 mad matrix msad4 mul
-        mutable namespace new noise nointerpolation noperspective NULL operator packoffset pass pixelfragment
-        point precise printf private Process\w+ protected public rcp RasterizerState RenderTargetView
-        reversebits row_major rsqrt
+        mutable namespace new noise nointerpolation noperspective NULL operator packoffset pass
+        pixelfragment point precise printf private Process\w+ protected public rcp RasterizerState
+        RenderTargetView reversebits row_major rsqrt
         (bool|half|dword|string|double|u?int(16|32|64)?(_t)?|float(16|32|64)?(_t)?|min(16|10)float|min(16|12)u?int)([1-4](x[1-4])?)?
         sample(r|r[123]D|rCUBE|r_state)? Sampler(Comparison)?State saturate shared sincos snorm
         stateblock(_state)? string technique(10|11)? template tex([123]D|CUBE)\w* texture([123]D|CUBE)?
-        (RW|FeedBack|RasterizerOrdered)?Texture\w+ this throw triangle(adj)? try typename uniform unorm using
-        vector vertexfragment virtual Wave\w+ Quad\w+ unsigned
+        (RW|FeedBack|RasterizerOrdered)?Texture\w+ this throw triangle(adj)? try typename uniform unorm
+        using vector vertexfragment virtual Wave\w+ Quad\w+ unsigned
     """
     + _SPELLED,
 }

@@ -155,8 +155,6 @@ KINDS = (
     "faure(5, modified)",
     "uniform(3)",
     "jittered(16, 3)",
-    "hammersley_net(12)",
-    "larcher_pillichshammer_net(12)",
     "permutation_net(12)",
     "owen(sobol(2))",
     "owen(sobol(9))",
@@ -183,7 +181,6 @@ KINDS = (
     "owen(halton(3))",
     "owen_exact(faure(3))",
     "digit_scramble(halton(3))",
-    "optimized_net_3d(12)",
     "gray(sobol(2))",
     "gray(sobol(9))",
 )

@@ -92,6 +92,8 @@ def convergence(
     times = number("times", times, -_STEEPEST, _STEEPEST)
     floor = None if floor is None else number("floor", floor, 0)
     check_texts(title=title, ylabel=ylabel)
+    if not isinstance(among, tuple | list):
+        raise TypeError(f"among must be names of samplers, got {checks.shown(among)}")
     of = {name: known(f"errors[{name!r}]", values) for name, values in errors.items()}
     for name, values in of.items():
         if values.shape != x.shape or not ((values > 0) | np.isnan(values)).all() or np.isnan(values).all():

@@ -2,6 +2,7 @@
 
 import math
 import tracemalloc
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import jax
@@ -188,7 +189,7 @@ def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
         touched[~np.isnan(room[2][0])] += 1
         return found
 
-    monkeypatch.setattr(merges.os, "sched_getaffinity", lambda process: {0}, raising=False)
+    monkeypatch.setattr(merges, "threads", lambda: ThreadPoolExecutor(1))
     monkeypatch.setattr(merges, "sort_space", sort)
     points = RANDOM.random((n, 3))
     many_points_discrepancy(points, STAR)

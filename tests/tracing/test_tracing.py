@@ -530,7 +530,7 @@ def test_boxes_skip_only_what_is_missed(monkeypatch):
         return np.stack(hits)
 
     skipping = each_ray()
-    monkeypatch.setattr(program, "_FEW", 10**6)
+    monkeypatch.setattr(program, "_FEW_PRIMITIVES", 10**6)
     assert np.array_equal(skipping, each_ray()) and (skipping >= 0).mean() > 0.4
 
 

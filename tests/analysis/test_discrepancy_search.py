@@ -64,6 +64,7 @@ def test_best_coordinates_in_the_plane_are_those_of_linear_programs(key):
     assert ranked.level == pytest.approx(least_level(ranks_of(points)), abs=2e-5)
 
 
+@pytest.mark.slow
 def test_swaps_are_made_if_and_only_if_the_level_can_be_kept():
     n = 5
     points = np.random.default_rng(5).random((n, 2))
@@ -130,6 +131,7 @@ def test_proven_optima_in_the_plane(n, optimum):
     assert optimum - 6e-5 < found < 1.01 * optimum
 
 
+@pytest.mark.slow
 def test_search_in_space():
     found, again = (analysis.search_discrepancy(8, None, key=1, dims=3, steps=3) for _ in range(2))
     assert found.discrepancy == analysis.star_discrepancy(found.points) < 0.25

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from figures.catalogue import TITLES
 from figures.shared.imported_objects import import_object
 from qmcjax.core import packages
 
@@ -55,7 +56,7 @@ def run(tmp_path):
 
 def test_the_figures_are_listed(run):
     status, said = run("--list")
-    assert status == 0 and "Space-filling curves" in said
+    assert status == 0 and TITLES["hilbert-1"] in said
 
 
 @pytest.mark.slow

@@ -79,7 +79,7 @@ class Sampler(abc.ABC):
 
         Parameters
         ----------
-        state : pytree of Arrays, from :meth:`prepare` for the same ``dims``
+        state : pytree of Arrays, from ``prepare`` for the same ``dims``
         sample : uint32 Array, of the pixels' shape
             Valid numbers of samples.
         dims : tuple of int

@@ -140,7 +140,7 @@ class BinarySequence(Sequence):
     def linear(self) -> "BinarySequence | None":
         """The sequence below all scramblings, if its digits are linear in the digits of the index.
 
-        Then its point ``i ^ j`` is the xor of points i and j, and :meth:`of_linear` applies the scramblings.
+        Then its point ``i ^ j`` is the xor of points i and j, and ``of_linear`` applies the scramblings.
         """
         return None
 

@@ -82,9 +82,8 @@ def as_sequence(name: str, value: Any) -> Sequence:
 
         - ``dims``, the number of dimensions,
         - a call ``(index, dims, dtype)``, with a uint32 array of any shape, a tuple of dimensions, and
-        float32
-          or float64, that returns points of this dtype, shape ``index.shape + (len(dims),)``; or a call
-          ``(index)`` that returns all coordinates in any floating dtype,
+          float32 or float64, that returns points of this dtype, shape ``index.shape + (len(dims),)``; or
+          a call ``(index)`` that returns all coordinates in any floating dtype,
         - optionally ``size``, the number of points.
 
         It needs no decorator: JAX compiles programs for each such object. If it has arrays as attributes,

@@ -140,10 +140,12 @@ def recommend(
     >>> import qmcjax as qj
     >>> from qmcjax import scenes
     >>> choice = qj.recommend(scenes.disc(), spp=16)
-    >>> print(choice)  # doctest: +ELLIPSIS
-    Sobol', full screen
-    It has the least RMS error of 17 samplers on 13 scenes with edges in 2
-    ...
+    >>> print(choice)
+    designed tiles
+    It has the least RMS error of 17 samplers on 9 scenes with edges in 2 dimensions
+    at 16 spp. "random" has 2.56 times this error (1.74 to 3.78); 15 others are not
+    significantly worse.
+    On single scenes it has at most 1.63 times the error of the best sampler there.
     >>> image = qj.render(scenes.disc(), choice.sampler(64, 64, key=1), 64, 64, spp=16)
     """
     dims, edges = _asked(needs)

@@ -159,7 +159,7 @@ def test_output_of_programs():
 
 
 def test_programs_in_python(folder, monkeypatch):
-    """Under the command qmcjax, too, they find what is beside them; how they end is told."""
+    """Programs find files in the current folder, also under the command qmcjax; failures are named."""
     monkeypatch.setenv(packages.SAFE, "1")
     Path("beside.py").write_text("w, h, n, d, k = map(int, __import__('sys').argv[2::2])")
     codes = {

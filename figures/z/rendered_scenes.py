@@ -182,7 +182,7 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     bounces = BOUNCES[quality]
     note = NOTE_10.format(side=side, small=small, bounces=bounces, keys=keys, origins=origins)
     title = (
-        "Z has almost the least filtered error for the lens, paths and the caustic\n"
+        "Z has the largest filtered error for motion blur, almost the least elsewhere\n"
         f"Z paper, Fig. 10; motion blur, a lens, paths and a caustic, {SPP_10} samples per pixel\n"
         f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
         "of the key that is shown; ranked keys: ours, after Heitz et al."

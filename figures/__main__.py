@@ -100,7 +100,8 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         if options.distributed or options.coordinator:
             job = Job(Where(options.coordinator, options.processes, options.process_id))
         with peak_memory() as peak:
-            tasks = plan(names, catalogue, options.quality, options.out)
+            formats = ("png", "webp", "pdf")[: 2 + (options.format == "pdf")]
+            tasks = plan(names, catalogue, options.quality, options.out, formats)
             if job is None:
                 failed = update(tasks, options.out, jobs, partial(page.write, options.out, catalogue))
             else:

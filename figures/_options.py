@@ -41,6 +41,7 @@ examples:
   qmcjax                                the papers' figures, as drafts, into out/
   qmcjax --all                          and measurements of our own
   qmcjax thesis-6.1 --quality paper     one figure as printed
+  qmcjax thesis-6.1 --format pdf        as vectors, too
   qmcjax --out gallery --jobs 4         four at a time, into gallery/
   qmcjax --distributed --out gallery    on all machines of a SLURM job, say
   qmcjax compare --help                 samplers compared: yours, ours, and those of others
@@ -63,6 +64,12 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
     )
     add_quality(parser)
+    parser.add_argument(
+        "--format",
+        choices=("png", "pdf"),
+        default="png",
+        help="pdf: write each figure as vectors, too, for print (default: png, of 300 dpi)",
+    )
     parser.add_argument(
         "--jobs",
         type=count,

@@ -18,17 +18,24 @@ BLACK, ORANGE, SKY, GREEN, BLUE, VERMILLION, PURPLE = (
 
 GREY = "#999999"
 
+COLUMN, PAGE = 3.3, 7.0
+"""Inches: the widths of a text column and of a page, one of which each figure has."""
+
+LETTERS, TITLE = 8.0, 9.0
+"""Points: of all text in print, and of what a figure says."""
+
 
 def rc() -> AbstractContextManager[None]:
-    """Return the context in which text is at least 8 pt at the printed size, and grids are light."""
+    """Return the context of figures for print: letters of 8 points, light grids."""
     return matplotlib.rc_context(
         {
-            "font.size": 9,
-            "axes.titlesize": 9,
-            "axes.labelsize": 9,
-            "xtick.labelsize": 8,
-            "ytick.labelsize": 8,
-            "legend.fontsize": 8,
+            "pdf.fonttype": 42,
+            **dict.fromkeys(("font.size", "axes.titlesize", "axes.labelsize"), LETTERS),
+            **dict.fromkeys(("xtick.labelsize", "ytick.labelsize", "legend.fontsize"), LETTERS),
+            "legend.handlelength": 1.8,
+            "legend.columnspacing": 1.2,
+            "axes.labelpad": 2.5,
+            "axes.linewidth": 0.6,
             "axes.prop_cycle": cycler(color=[BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY]),
             "axes.grid": False,
             "grid.alpha": 0.3,

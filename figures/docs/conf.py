@@ -28,6 +28,7 @@ default_role = "autolink"
 
 html_theme = "pydata_sphinx_theme"
 html_title = "qmcjax"
+html_context = {"default_mode": "auto"}
 html_static_path = ["_static"]
 html_css_files = ["pictures.css"]
 html_math_renderer = "mathml"

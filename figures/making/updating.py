@@ -24,18 +24,24 @@ PAGE_INTERVAL = 5
 """Seconds: the page grows with the figures."""
 
 
-def plan(names: Sequence[str], catalogue: Mapping[str, Entry], quality: str, folder: Path) -> list[Task]:
+def plan(
+    names: Sequence[str],
+    catalogue: Mapping[str, Entry],
+    quality: str,
+    folder: Path,
+    formats: Sequence[str] = ("png", "webp"),
+) -> list[Task]:
     """Return what makes figures, in the order in which they are made.
 
     ``quality``: ``"draft"`` or ``"paper"``, in which figures that measure time run alone, at the end: jobs
-    need not wait for each other in between.
+    need not wait for each other in between. ``formats``: ends of the files of each picture.
     """
     tasks = []
     for name in names:
         entry = catalogue[name]
         content = fingerprint(entry.module, quality)
         alone, place = quality == "paper" and entry.timed, Place(folder / CELLS / name / content)
-        tasks.append(Task(name, entry.module, quality, entry.title, content, alone, place))
+        tasks.append(Task(name, entry.module, quality, entry.title, content, alone, place, tuple(formats)))
     if quality == "paper":
         tasks.sort(key=lambda task: (task.alone, not catalogue[task.name].long))
     return tasks
@@ -77,7 +83,7 @@ def missing(tasks: Sequence[Task], folder: Path) -> list[Task]:
 
 
 def _is_whole(task: Task, folder: Path, entry: Mapping[str, Any]) -> bool:
-    ends = ("png", "webp", *entry.get("files", ()))
+    ends = (*task.formats, *entry.get("files", ()))
     files = [f"{task.name}.{end}" for end in ends] + store.image_files(task.name, entry)
     return entry.get("fingerprint") == task.fingerprint and all((folder / file).is_file() for file in files)
 

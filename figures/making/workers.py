@@ -22,10 +22,11 @@ from typing import Any, NamedTuple
 
 from figures.making import compiled_programs
 from figures.making.finished_cells import PLACE, Place
+from figures.making.legibility import faults
 from figures.making.schema import check_numbers
 from figures.making.this_machine import machine, resident
 
-DPI = 150
+DPI = 300
 INTERVAL = 0.1
 """Seconds between looks at what the workers are at."""
 
@@ -61,6 +62,8 @@ class Task(NamedTuple):
     """Whether no other task may run beside it: it measures time, that of compiling as well."""
     place: Place | None = None
     """Where cells are kept and shared."""
+    formats: tuple[str, ...] = ("png", "webp")
+    """Ends of the files of its picture; ``pdf`` may be another."""
 
 
 class Done(NamedTuple):
@@ -218,9 +221,10 @@ def draw(task: Task, progress: Callable[[float], None]) -> Done:
         picture, numbers, *handed = parts
         images, others = (*handed, *(None, {})[len(handed) :])
         check_numbers(numbers)
-        files = _encode(picture)
+        files = _encode(picture, task.formats)
+        wrong = faults(picture)
     plt.close("all")
-    entry = {"numbers": numbers}
+    entry = {"numbers": numbers} | ({"illegible": wrong} if wrong else {})
     if images:
         from figures.making import web_images
 
@@ -238,17 +242,23 @@ def draw(task: Task, progress: Callable[[float], None]) -> Done:
     return Done(json.dumps(made | entry, allow_nan=False), files)
 
 
-def _encode(picture: Any) -> dict[str, bytes]:
+def _encode(picture: Any, formats: Sequence[str]) -> dict[str, bytes]:
     """Return a figure as a PNG, and as a WebP of the same pixels and half the size for the page."""
     from PIL import Image
 
     buffer, png, webp = io.BytesIO(), io.BytesIO(), io.BytesIO()
-    picture.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 0})
+    picture.set_dpi(DPI)
+    picture.savefig(buffer, format="png", pil_kwargs={"compress_level": 0})
     with Image.open(buffer) as image:
         pixels = image.convert("RGB")  # None is transparent.
     pixels.save(png, format="png", dpi=(DPI, DPI))  # optimize=True: 8 times the time for 2 % less.
     pixels.save(webp, format="webp", lossless=True, method=1, quality=20)  # Half the time for 20 % more.
-    return {"png": png.getvalue(), "webp": webp.getvalue()}
+    files = {"png": png.getvalue(), "webp": webp.getvalue()}
+    if "pdf" in formats:
+        pdf = io.BytesIO()
+        picture.savefig(pdf, format="pdf", dpi=DPI, metadata={"CreationDate": None})
+        files["pdf"] = pdf.getvalue()
+    return files
 
 
 def forget_programs() -> None:

@@ -110,7 +110,7 @@ def convergence(
         named.append((f"rate $n^{{{power:g}}}$", rate[-1], _RATE))
     if floor:
         ax.plot(x, floor * scale, "-", color="0.6", lw=0.8, zorder=0)
-        ax.annotate("error of the reference", (x[0], floor * scale[0]), fontsize=8, color="0.4", va="bottom")
+        ax.annotate("error of the reference", (x[0], floor * scale[0]), color="0.4", va="bottom")
     for name, values in of.items():
         drawn = styles[name]
         there = ~np.isnan(values)
@@ -147,7 +147,6 @@ def _names(ax: Axes, named: Sequence[tuple[str, float, str]]) -> None:
             xytext=(1.06, place),
             textcoords=across,
             va="center",
-            fontsize=8,
             color=color,
             annotation_clip=False,
             arrowprops={

@@ -129,7 +129,7 @@ def place(
     axes.imshow(shown, cmap="gray", vmin=0, vmax=1, interpolation="nearest", aspect="auto")
     axes.set_axis_off()
     if title:
-        axes.set_title(title, fontsize=9, pad=3)
+        axes.set_title(title, pad=3)
     return axes
 
 

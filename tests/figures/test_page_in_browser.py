@@ -84,6 +84,9 @@ def test_each_link_goes_where_it_says(visit, width, folder):
             assert words == "doi:" + file.removeprefix("https://doi.org/")
             continue
         page.goto((folder / (file or "index.html")).as_uri() + f"#{name}" * bool(name))
+        if file == "docs/index.html":  # where Sphinx has built it
+            assert "qmcjax" in page.title()
+            continue
         if kind == "" and not name and page.locator(".top [aria-current]").inner_text() == words:
             continue
         if name in CATALOGUE:

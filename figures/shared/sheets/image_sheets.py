@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from figures import plot
 from figures._errors import rms
+from figures._rc import PAGE
 from figures.shared.sheets.panels import fold_title, write_title
 
-DPI = 150
-GAP, LINE = 14, 21
+DPI = 300
+GAP, LINE = 24, 40
 """Pixels between images, and of a line of text."""
 
-LABEL, KEY = 40, 96
+LABEL, KEY = 70, 210
 """Pixels left of rows that have labels, and right of those that have keys of shades."""
 
 DECADES = (-2.0, 2.0)
@@ -36,16 +37,14 @@ class Panel(NamedTuple):
 
 
 def image_grid(
-    title: str, panels: Sequence[Panel], columns: int, size: int, below: int = 0, text: float = 1.0
+    title: str, panels: Sequence[Panel], columns: int, below: int = 0, width: float = PAGE
 ) -> Figure:
-    """Draw images up to ``size`` pixels wide, and leave ``below`` pixels free under them.
+    """Draw images over a width in inches, and leave ``below`` pixels free under them.
 
-    Each pixel of an image is a whole number of the picture's: anything else would add patterns. ``text``
-    enlarges captions and title, of sheets that are shown smaller.
+    Each pixel of an image is a whole number of the picture's: anything else would add patterns.
     """
     rows = [list(panels[k : k + columns]) for k in range(0, len(panels), columns)]
-    figure, _ = _sheet(title, rows, size, GAP, [0] * len(rows), below, text)
-    return figure
+    return _sheet(title, rows, columns, 0, 0, below, width)[0]
 
 
 def magnify(caption: str, image: NDArray, crop: tuple[float, float, float]) -> list[Panel]:
@@ -58,15 +57,13 @@ def magnify(caption: str, image: NDArray, crop: tuple[float, float, float]) -> l
     ]
 
 
-def magnify_all(
-    title: str, pairs: Sequence[Sequence[Panel]], columns: int, size: int, below: bool = False
-) -> Figure:
-    """Draw images with their magnified areas on their right, or below, both up to ``size`` pixels a side."""
+def magnify_all(title: str, pairs: Sequence[Sequence[Panel]], columns: int, below: bool = False) -> Figure:
+    """Draw images with their magnified areas on their right, or below."""
     if not below:
-        return image_grid(title, [panel for pair in pairs for panel in pair], 2 * columns, size)
+        return image_grid(title, [panel for pair in pairs for panel in pair], 2 * columns)
     rows = [pairs[k : k + columns] for k in range(0, len(pairs), columns)]
     return image_grid(
-        title, [panel for row in rows for each in zip(*row, strict=True) for panel in each], columns, size
+        title, [panel for row in rows for each in zip(*row, strict=True) for panel in each], columns
     )
 
 
@@ -88,8 +85,8 @@ class Row(NamedTuple):
     marked: tuple[int, int, int] | None = None
 
 
-def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure:
-    """Show rows of images by their labels, each up to ``panel`` pixels wide, below the names of columns."""
+def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE) -> Figure:
+    """Show rows of images by their labels over a width in inches, below the names of columns."""
     heads = list(dict.fromkeys(name for row in rows.values() for name in row.images))
     named: set[str] = set()
     table: list[list[Panel | None]] = []
@@ -102,45 +99,48 @@ def image_sheet(title: str, rows: Mapping[str, Row], panel: int = 330) -> Figure
             image = row.images.get(name)
             cells.append(None if image is None else Panel(caption, image, row.limits, marked=row.marked))
         table.append(cells)
-    keys = [KEY * bool(row.shades) for row in rows.values()]
-    figure, places = _sheet(title, table, panel, LABEL, keys)
-    width, height = figure.get_size_inches() * DPI
-    for (label, row), (right, bottom, size) in zip(rows.items(), places, strict=True):
-        x, y = (LABEL - 8) / width, (bottom + size / 2) / height
-        figure.text(x, y, label, rotation="vertical", ha="right", va="center", fontsize=8)
+    figure, places = _sheet(
+        title, table, len(heads), LABEL, KEY * any(row.shades for row in rows.values()), 0, width
+    )
+    across, down = figure.get_size_inches() * DPI
+    for (label, row), (left, right, bottom, size) in zip(rows.items(), places, strict=True):
+        x, y = (left - 16) / across, (bottom + size / 2) / down
+        figure.text(x, y, label, rotation="vertical", ha="right", va="center")
         if row.shades:
-            _draw_key(add_axes(figure, right, bottom, 14, size), row.limits, row.shades)
+            _draw_key(add_axes(figure, right, bottom, 28, size), row.limits, row.shades)
     return figure
 
 
 def _sheet(
     title: str,
     rows: Sequence[Sequence[Panel | None]],
-    size: int,
+    columns: int,
     left: int,
-    right: Sequence[int],
-    below: int = 0,
-    text: float = 1.0,
-) -> tuple[Figure, list[tuple[int, int, int]]]:
-    """Draw rows of images with room at their right; return right, bottom and height of each."""
-    line = round(LINE * text)
+    right: int,
+    below: int,
+    inches: float,
+) -> tuple[Figure, list[tuple[int, int, int, int]]]:
+    """Draw rows of images, centred; return left, right, bottom and height of each row."""
+    width = round(inches * DPI)
+    size = (width - left - right) // columns - GAP
     heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
-    heads = [line * count + 8 * bool(count) for count in heads]
+    heads = [LINE * count + 16 * bool(count) for count in heads]
     sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
-    cell = max(sides) + GAP
-    width = left + max(len(row) * cell + beside for row, beside in zip(rows, right, strict=True))
-    lines = "\n".join(fold_title(title, width / DPI, 9 * text)).rstrip().count("\n") + 1
-    top = round(22 * text * (lines + 1))
+    cell = max(max(sides), size - GAP) + GAP
+    left += (width - left - right - columns * cell + GAP) // 2
+    lines = "\n".join(fold_title(title, inches)).rstrip().count("\n") + 1
+    top = 44 * (lines + 1)
     height = top + sum(heads) + sum(sides) + GAP * len(rows) + below
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    write_title(figure, title, 9 * text, y=1 - 14 / height)
+    write_title(figure, title, y=1 - 28 / height)
     bottom, places = height - top, []
     for row, head, side in zip(rows, heads, sides, strict=True):
         bottom -= head + side
         for column, panel in enumerate(row):
             if panel is not None:
-                _place(figure, panel, left + column * cell, bottom + side, size, 8 * text)
-        places.append((left + len(row) * cell, bottom, side))
+                spare = (cell - GAP - _zoom(panel.image, size) * len(panel.image)) // 2
+                _place(figure, panel, left + column * cell + spare, bottom + side, size)
+        places.append((left, left + len(row) * cell, bottom, side))
         bottom -= GAP
     return figure, places
 
@@ -149,11 +149,11 @@ def _zoom(image: NDArray, size: int) -> int:
     return max(1, size // len(image))
 
 
-def _place(figure: Figure, panel: Panel, left: int, top: int, size: int, font: float) -> None:
+def _place(figure: Figure, panel: Panel, left: int, top: int, size: int) -> None:
     side, zoom = len(panel.image), _zoom(panel.image, size)
     look = {"limits": panel.limits, "transfer": panel.transfer}
     axes = plot.place(figure, panel.image, left, top - zoom * side, zoom, **look)
-    axes.set_title(panel.caption, fontsize=font, pad=4, loc="left" if panel.marked else "center")
+    axes.set_title(panel.caption, pad=4, loc="left" if panel.marked else "center")
     # Outside of the image: a white one would end nowhere.
     low, edge = -0.5 - 1 / zoom, side + 2 / zoom
     axes.add_patch(Rectangle((low, low), edge, edge, fill=False, ec="0.8", lw=0.5)).set_clip_on(False)
@@ -171,8 +171,8 @@ def _draw_key(axes: Axes, limits: tuple[float, float], shades: Shades) -> None:
     axes.yaxis.set_label_position("right")
     axes.spines[:].set_visible(True)
     axes.set(xticks=[])
-    axes.set_yticks(list(shades.ticks), list(shades.ticks.values()), fontsize=8)
-    axes.set_ylabel(shades.label, fontsize=8)
+    axes.set_yticks(list(shades.ticks), list(shades.ticks.values()))
+    axes.set_ylabel(shades.label)
 
 
 def add_axes(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:

@@ -9,40 +9,34 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 
+from figures._rc import LETTERS, PAGE, TITLE
 from figures.plot import Style
-
-TITLE, SMALL = 11.0, 0.75
-"""Points of a title, and the size of the lines below it in parts of that, of 8 points at least."""
 
 LETTER = 0.56
 """Mean width of a letter, in parts of its size."""
 
 
-def new_figure(title: str, width: float, height: float) -> Figure:
-    """Return a figure of a size in inches whose panels find their own places."""
+def new_figure(title: str, height: float, width: float = PAGE) -> Figure:
+    """Return a figure of a height in inches, as wide as a page, whose panels find their own places."""
     figure = Figure(figsize=(width, height), layout="constrained")
     write_title(figure, title)
     return figure
 
 
-def write_title(figure: Figure, title: str, size: float = TITLE, **place: float) -> None:
+def write_title(figure: Figure, title: str, **place: float) -> None:
     """Write what a figure says, and the lines after it, such as where it is from, in small letters below."""
-    message, details = fold_title(title, figure.get_figwidth(), size)
+    message, details = fold_title(title, figure.get_figwidth())
     lines = details.count("\n") + bool(details)
-    head = figure.suptitle(message + "\n" * lines, fontsize=size, **place)
-    look: dict[str, Any] = {"xycoords": head, "ha": "center", "va": "bottom", "fontsize": _small(size)}
+    head = figure.suptitle(message + "\n" * lines, fontsize=TITLE, weight="bold", **place)
+    look: dict[str, Any] = {"xycoords": head, "ha": "center", "va": "bottom", "fontsize": LETTERS}
     figure.add_artist(Annotation(details, (0.5, 0), **look))
 
 
-def fold_title(title: str, inches: float, size: float = TITLE) -> tuple[str, str]:
+def fold_title(title: str, inches: float) -> tuple[str, str]:
     """Return the first line of a title and the others, folded to a width."""
     message, _, details = title.partition("\n")
-    small = "\n".join(_fold(line, inches, _small(size)) for line in details.splitlines())
-    return _fold(message, inches, size), small
-
-
-def _small(size: float) -> float:
-    return max(8.0, SMALL * size)
+    small = "\n".join(_fold(line, inches, LETTERS) for line in details.splitlines())
+    return _fold(message, inches, 1.1 * TITLE), small
 
 
 def _fold(line: str, inches: float, size: float) -> str:
@@ -118,12 +112,12 @@ def text_table(
     wide = widths or [1.0] * len(heads)
     ends = [sum(wide[: k + 1]) for k in range(len(wide))]
     for k, (end, head) in enumerate(zip(ends, heads, strict=True)):
-        axes.text(end, -0.5, head, ha="right", va="center", fontsize=9, weight="bold")
+        axes.text(end, -0.5, head, ha="right", va="center", weight="bold")
         for row, cells in enumerate(rows, start=1):
-            axes.text(end, -row - 0.6, cells[k], ha="right", va="center", fontsize=9)
+            axes.text(end, -row - 0.6, cells[k], ha="right", va="center")
     for title, first, last in groups:
         left, right = ends[first] - 0.9 * wide[first], ends[last]
-        axes.text((left + right) / 2, 0.55, title, ha="center", va="center", fontsize=9)
+        axes.text((left + right) / 2, 0.55, title, ha="center", va="center")
         axes.plot([left, right], [0.1, 0.1], color="black", lw=0.6)
     bottom = -len(rows) - 1.2
     for y, width in ((1.1 if groups else 0.1, 1.2), (-1.05, 0.6), (bottom, 1.2)):

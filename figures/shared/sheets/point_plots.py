@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 import analysis
 from figures import plot
+from figures._rc import COLUMN, PAGE
 from figures.shared.sheets.panels import new_figure
 from qmcjax.sequences import BinarySequence, Sequence
 
@@ -16,7 +17,8 @@ def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, 
     """Return a figure with a row, or rows, of square panels."""
     columns = columns or count
     rows = -(-count // columns)
-    figure = new_figure(title, 3 * columns, 3.3 * rows + 0.7)
+    width = COLUMN if columns == 1 else PAGE
+    figure = new_figure(title, (width / columns + 0.3) * rows + 0.5, width)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in axes[count:]:
         unused.set_axis_off()

@@ -1,0 +1,105 @@
+"""What makes a figure illegible in print: its width, small letters, overlapping texts, axes without names."""
+
+from itertools import combinations
+from typing import Any
+
+from figures._rc import COLUMN, PAGE
+
+SMALLEST = 7.5
+"""Points of a letter."""
+
+TALLEST = 9.5
+"""Inches: the height of a page."""
+
+TOLERATED = 1.5
+"""Pixels by which boxes of texts may overlap: they are wider than what is printed."""
+
+
+def faults(figure: Any) -> list[str]:
+    """Return what is wrong with a figure that has been drawn, at its own resolution."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    width, height = figure.get_size_inches()
+    wrong = []
+    if min(abs(width - COLUMN), abs(width - PAGE)) > 0.01 or height > TALLEST:
+        wrong.append(f"{width:.2f} x {height:.2f} inches")
+    axes = [each for each in figure.findobj(_is_axes) if each.get_visible()]
+    hidden = {id(text) for each in axes for text in _hidden_ticks(each)}
+    texts = [text for text in figure.findobj(_has_words) if id(text) not in hidden]
+    wrong += [
+        f"{_quote(text)} has {text.get_fontsize():g} pt" for text in texts if text.get_fontsize() < SMALLEST
+    ]
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    boxes = [(text, _box(text, renderer)) for text in texts]
+    edge = figure.bbox
+    wrong += [
+        f"{_quote(text)} leaves the figure"
+        for text, box in boxes
+        if min(box.x0, box.y0, edge.x1 - box.x1, edge.y1 - box.y1) < -TOLERATED
+    ]
+    wrong += [
+        f"{_quote(first)} overlaps {_quote(second)}"
+        for (first, a), (second, b) in combinations(boxes, 2)
+        if min(a.x1, b.x1) - max(a.x0, b.x0) > TOLERATED and min(a.y1, b.y1) - max(a.y0, b.y0) > TOLERATED
+    ]
+    return wrong + [fault for each in axes if each.axison for fault in _nameless(each)]
+
+
+def _box(text: Any, renderer: Any) -> Any:
+    """Return where a text is, without the empty lines at its end, which keep room."""
+    box = text.get_window_extent(renderer).frozen()
+    lines, words = text.get_text().count("\n") + 1, text.get_text().rstrip("\n").count("\n") + 1
+    box.y0 = box.y1 - (box.y1 - box.y0) * words / lines
+    return box
+
+
+def _is_axes(artist: Any) -> bool:
+    from matplotlib.axes import Axes
+
+    return isinstance(artist, Axes)
+
+
+def _has_words(artist: Any) -> bool:
+    from matplotlib.text import Text
+
+    return isinstance(artist, Text) and artist.get_visible() and bool(artist.get_text().strip())
+
+
+def _hidden_ticks(axes: Any) -> list[Any]:
+    """Return the labels of ticks that are not drawn: outside of the axes, or of axes that are off."""
+    hidden = []
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        slack = 1e-6 * (high - low)
+        for minor in (False, True):
+            places = axis.get_ticklocs(minor=minor)
+            for k, tick in enumerate(axis.get_minor_ticks() if minor else axis.get_major_ticks()):
+                there = axes.axison and axis.get_visible() and k < len(places)
+                if not (there and low - slack <= places[k] <= high + slack):
+                    hidden += [tick.label1, tick.label2]
+    return hidden
+
+
+def _nameless(axes: Any) -> list[str]:
+    """Return which axes with numbers have no name; of unit squares none needs one."""
+    wrong = []
+    for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
+        low, high = sorted(axis.get_view_interval())
+        labels = [
+            label.get_text()
+            for place, label in zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+            if low <= place <= high and label.get_visible()
+        ]
+        figure = axes.get_figure()
+        above = (
+            getattr(figure, f"get_sup{name}label")()
+            or getattr(figure.get_figure(root=True), f"get_sup{name}label")()
+        )
+        numbers = [text for text in labels if any(map(str.isdigit, text))]
+        if numbers and set(numbers) != {"0", "1"} and not axis.get_label_text() and not above:
+            wrong.append(f"the {name} axis of {_quote(axes.title)} has no name")
+    return wrong
+
+
+def _quote(text: Any) -> str:
+    return repr(" ".join(text.get_text().split())[:60])

@@ -3,8 +3,6 @@
 from itertools import combinations
 from typing import Any
 
-from figures._rc import COLUMN, PAGE
-
 SMALLEST = 7.5
 """Points of a letter."""
 
@@ -18,6 +16,8 @@ TOLERATED = 1.5
 def faults(figure: Any) -> list[str]:
     """Return what is wrong with a figure that has been drawn, at its own resolution."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from figures._rc import COLUMN, PAGE
 
     width, height = figure.get_size_inches()
     wrong = []

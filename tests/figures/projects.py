@@ -35,7 +35,7 @@ def make(quality, progress):
     process = [os.getpid(), os.environ["GLIBC_TUNABLES"], os.environ["MPLBACKEND"]]
     measured = {"value": VALUE, "process": process}
     numbers = {"measured": measured, "printed": [1, 2.5, None], "note": quality}
-    return Figure(figsize=(1, 1)), numbers
+    return Figure(figsize=(3.3, 1)), numbers
 """
 
 SLEEPING = """

@@ -156,7 +156,7 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert first["one"]["numbers"] == {"measured": {"value": 1}, "printed": [1, 2.5, None], "note": "draft"}
     picture = (project.out / "one.png").read_bytes()
     assert picture.startswith(b"\x89PNG")
-    assert int.from_bytes(picture[16:20], "big") == 150, "one inch at 150 dpi"
+    assert int.from_bytes(picture[16:20], "big") == 990, "3.3 inches at 300 dpi"
     assert b"tIME" not in picture and b"tEXt" not in picture
 
     before = (project.out / "numbers.json").read_bytes()
@@ -168,6 +168,14 @@ def test_only_what_is_missing_or_changed_is_made(tmp_path):
     assert re.match(r"two: up to date\none: \d", project.run()[1])
     assert project.calls() == ["one"]
     assert (project.out / "one.png").read_bytes() == picture, "a picture does not depend on when it is made"
+
+    assert re.match(r"one: \d.*\ntwo: \d", project.run("--format", "pdf")[1]), (
+        "their pictures are no vectors yet"
+    )
+    assert (project.out / "one.pdf").read_bytes().startswith(b"%PDF")
+    assert project.run("--format", "pdf")[1].startswith("one: up to date\ntwo: up to date\n")
+    assert project.calls() == ["one", "two"]
+    first = project.numbers()
 
     project.write("_shared", "VALUE = 3")
     assert project.run(GLIBC_TUNABLES="glibc.malloc.check=0")[0] == 0

@@ -166,7 +166,6 @@ def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: 
     figure = new_figure(
         "Trees by 2-means or along curves are worse than by the surface area heuristic\n"
         "thesis, Sect. 4.1.3 and 4.1.4",
-        15.0,
         2.4 + 0.23 * len(measured),
     )
     rows = []

@@ -55,9 +55,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for m in LEAVES
         ),
     }
-    figure = new_figure(
-        "Enumeration confirms the printed numbers of binary trees\nthesis, Table 4.1", 10.5, 2.6
-    )
+    figure = new_figure("Enumeration confirms the printed numbers of binary trees\nthesis, Table 4.1", 2.6)
     rows = [
         [name, *(str(of[m - 1]) for m in LEAVES)]
         for name, of in (

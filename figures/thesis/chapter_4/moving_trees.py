@@ -220,7 +220,6 @@ def _draw(found: dict[str, dict[str, Way]]) -> Figure:
         "thesis, Sect. 4.2 and 4.3\n"
         "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "
         "small triangles fly",
-        3.6 * len(found),
         6.6,
     )
     panels = figure.subplots(2, len(found), squeeze=False)

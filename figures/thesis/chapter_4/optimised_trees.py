@@ -168,7 +168,6 @@ def _draw_4_2(measured: dict[str, dict[str, Any]]) -> Figure:
     figure = new_figure(
         "Optimising subtrees in place never increases the summed area\n"
         "thesis, Table 4.2; our meshes, and those of the thesis (Sponza's 9.77 % should read 9.80 %)",
-        13.4,
         4.4,
     )
     two = "{:.2f}".format
@@ -300,7 +299,6 @@ def _until_nothing_changes(tree: trees.Tree) -> list[float]:
 def _draw_4_3(measured: dict[str, dict[str, Any]]) -> Figure:
     figure = new_figure(
         "Further runs of the optimisation gain less than the first one\nthesis, Table 4.3; our meshes",
-        12.0,
         3.9,
     )
     reduced = [f"{r:.2f} %" for r in PRINTED_4_3["reduction in percent"]]

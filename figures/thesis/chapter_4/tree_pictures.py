@@ -76,7 +76,7 @@ def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         },
     }
     numbers = {"measured": measured, "claims": claims, "note": NOTE_4_1.format(side=side)}
-    return image_grid(title, panels, 3, 288), numbers
+    return image_grid(title, panels, 3), numbers
 
 
 def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:
@@ -185,7 +185,6 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "thesis, Fig. 4.2 and 4.3\n"
         "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
         "part of the smaller box",
-        10.2,
         6.4,
     )
     panels = figure.subplots(2, 3)

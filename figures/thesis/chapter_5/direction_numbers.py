@@ -89,7 +89,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "Joe and Kuo's direction numbers halve the filtered error along a Hilbert curve\n"
         "thesis, Fig. 5.4; initial direction numbers of the Sobol' sequence"
     )
-    figure = image_grid(title, panels, 2, WIDTH, below=1290)
+    figure = image_grid(title, panels, 2, below=1290)
     for k, (name, matrices) in enumerate(choices.items()):
         shown = point_plots.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
         axes = add_axes(figure, 34 + k * (WIDTH + GAP), 760, WIDTH - 40, WIDTH - 40)

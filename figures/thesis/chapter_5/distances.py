@@ -71,7 +71,6 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     figure = new_figure(
         "Of all nets compared, permutation nets have the largest minimum distance\n"
         "thesis, Fig. 5.21 and Table 5.1; (0,m,2)-nets in base 2",
-        13,
         9,
     )
     upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
@@ -202,7 +201,7 @@ def thesis_5_22(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         f"thesis, Fig. 5.22; P of white noise is 1\n|k| up to {HIGHEST} along both "
         f"axes, 0 in the middle; black is P = 0, white from {LARGEST_SHOWN:g} on"
     )
-    figure = image_grid(title, panels, 3, 2 * (2 * HIGHEST + 1))
+    figure = image_grid(title, panels, 3)
     permutations = [name for name in NETS_5_22 if name.startswith("permutation")]
     numbers = {
         "measured": measured,

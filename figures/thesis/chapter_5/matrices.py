@@ -36,7 +36,7 @@ def thesis_5_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "The modified net's minimum distance shrinks more smoothly than the Sobol' net's\n"
         "thesis, Fig. 5.5; (0,m,3)-nets"
     )
-    figure = new_figure(title, 8, 5)
+    figure = new_figure(title, 4.0)
     draw_distances(figure.subplots(), sizes, distances, STYLES)
     not_ahead = [m for m, a, b in zip(sizes, *squared.values(), strict=True) if b <= a]
     roughness = {name: residual(np.log(values)) for name, values in distances.items()}
@@ -118,7 +118,6 @@ def thesis_5_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     figure = new_figure(
         "A search finds matrices of larger distance than those with a pattern\n"
         "thesis, Fig. 5.6 to 5.8; matrices of (0,2)-sequences (zeros dark, U all ones) and 128 points",
-        16,
         8.6,
     )
     axes = figure.subplots(3, len(pairs))
@@ -192,7 +191,6 @@ def thesis_5_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     figure = new_figure(
         "Searched matrices reach a larger distance at m = 13 than both other sequences\n"
         "thesis, Fig. 5.9; (0,m,3)-nets",
-        13,
         6,
     )
     layout = figure.subplot_mosaic("abddd;efddd")

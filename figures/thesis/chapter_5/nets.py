@@ -189,7 +189,6 @@ def thesis_5_20(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "A sheared tiling repeats a net without reducing its minimum distance\n"
         "thesis, Fig. 5.18 to 5.20; m = 6, cut into pixels",
     )
-    figure.set_size_inches(10, 5.8)
     for k, part in enumerate(pattern):
         point_plots.scatter(axes[0], part / (side * TILES), "4 x 4 pixels", ms=2.5, color=f"C{k // TILES}")
     point_plots.grid(axes[0], TILES, TILES)

@@ -50,7 +50,6 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "The iterative construction gives a (0,9,2)-net of squared distance $2^9$\nthesis, Fig. 5.14",
         columns=3,
     )
-    figure.set_size_inches(11, 4.8)
     net = construct(axes, range(1, M_5_14 + 1, 2), unwrapped_odd, 2)
     squared = analysis.squared_min_distance(net, side=2**M_5_14)
     return figure, {
@@ -120,7 +119,6 @@ def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     figure, axes = point_plots.panels(
         4, "The iterative construction gives a (0,8,2)-net of squared distance 241\nthesis, Fig. 5.17"
     )
-    figure.set_size_inches(13, 3.7)
     net = construct(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
     squared = analysis.squared_min_distance(net, side=2**M_5_17, shear=2 ** (M_5_17 - 2))
     return figure, {

@@ -1,7 +1,7 @@
 """The figures of a paper: pictures, images side by side, claims, how each was made and what it found."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -85,11 +85,13 @@ CLAIMS = '<details class="claims"><summary>$count</summary></details>'
 
 CLAIM = '<li><b class="$verdict">$word</b><b>$claim</b> <em>$place$draft</em>$measured$small_print</li>'
 
+REST = "<details><summary>The others: $counts</summary>$claims</details>"
+
 MADE = """\
 <details class="numbers"><summary>How it was made, and all numbers</summary>$table</details>"""
 
 PICTURE = """\
-<figure class="picture wide" style="--width:${width}px">
+<figure class="picture wide" style="--width:${shown}px">
 <a class="scroll enlarge" href="$file"><img class="whole" src="$name.webp" width="$width" \
 height="$height" alt="$alt" loading="lazy"></a>
 </figure>"""
@@ -148,15 +150,15 @@ def thumbnail(folder: Path, name: str) -> Markup:
     return fill(THUMBNAIL if made else '<span class="thumbnail"></span>', name=name)
 
 
-def _count_verdicts(figure: Figure) -> dict[str, int]:
-    return _ledger.counts(finding.verdict for finding in figure.findings)
+def _count_verdicts(findings: Iterable[ledger.Finding]) -> dict[str, int]:
+    return _ledger.counts(finding.verdict for finding in findings)
 
 
 def _marks(figure: Figure) -> Markup:
     mark = '<i class="$verdict" title="$verdict">$sign$count</i>'
     return join(
         fill(mark, verdict=verdict, sign=_ledger.VERDICTS[verdict][0], count=count)
-        for verdict, count in _count_verdicts(figure).items()
+        for verdict, count in _count_verdicts(figure.findings).items()
     )
 
 
@@ -212,20 +214,35 @@ def _badges(figure: Figure) -> Markup:
 
 
 def claims(figure: Figure) -> Markup:
-    """Return what a figure found out about each claim, for the list that is made when claims are unfolded."""
-    return join(
-        fill(
-            CLAIM,
-            verdict=finding.verdict,
-            word=_ledger.word(finding.verdict),
-            claim=finding.claim.claim,
-            place=finding.claim.place,
-            draft=f"; draft {draft}" if draft in ("contradicts", "too small to tell") else "",
-            measured=_paragraph(measurement(finding)),
-            small_print=join(small_print(finding.claim)),
-        )
-        for finding in figure.findings
-        for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
+    """Return what came out of each claim, for the list that is made when claims are unfolded.
+
+    What a reader wants to see first is open, and the rest folded below it.
+    """
+    first = [finding for finding in figure.findings if finding.verdict in _ledger.LEADING]
+    rest = [finding for finding in figure.findings if finding.verdict not in _ledger.LEADING]
+    if not (first and rest):
+        return _list_claims(figure, first or rest)
+    counts = ", ".join(_ledger.word(*each) for each in _count_verdicts(rest).items())
+    return join([_list_claims(figure, first), fill(REST, counts=counts, claims=_list_claims(figure, rest))])
+
+
+def _list_claims(figure: Figure, findings: Sequence[ledger.Finding]) -> Markup:
+    return fill(
+        "<ul>$claims</ul>",
+        claims=join(
+            fill(
+                CLAIM,
+                verdict=finding.verdict,
+                word=_ledger.word(finding.verdict),
+                claim=finding.claim.claim,
+                place=finding.claim.place,
+                draft=f"; draft {draft}" if draft in ("contradicts", "too small to tell") else "",
+                measured=_paragraph(measurement(finding)),
+                small_print=join(small_print(finding.claim)),
+            )
+            for finding in sorted(findings, key=lambda finding: finding.verdict)
+            for draft in [figure.drafts.get((finding.claim.figure, finding.claim.key))]
+        ),
     )
 
 
@@ -234,12 +251,15 @@ def _paragraph(text: Markup) -> Markup:
 
 
 def picture(folder: Path, figure: Figure) -> Markup:
-    """Return a figure's picture, which fits the page until it is enlarged, or that it is not there."""
+    """Return a picture, two pixels of it to one of CSS until it is enlarged, or that it is missing."""
     file = f"{figure.name}.png"
     size = png_size(folder / file)
     if size is None or not (folder / f"{figure.name}.webp").is_file():
         return fill('<p class="warning">$file is missing.</p>', file=file)
-    return fill(PICTURE, name=figure.name, file=file, width=size[0], height=size[1], alt=figure.title)
+    width, height = size
+    return fill(
+        PICTURE, name=figure.name, file=file, width=width, height=height, shown=width // 2, alt=figure.title
+    )
 
 
 def _moving(folder: Path, figure: Figure, entry: Mapping[str, Any]) -> Markup:

@@ -176,6 +176,9 @@ def test_counts_are_those_of_the_rows(folder):
     cases = [each["text"] for each in parsed.all("span", "case")]
     assert cases == ["✓ 4 spp", "✗ <16>"]
     assert [each["text"] for each in Parsed(numbers(folder)["z-9"]["claims"]).all("span", "case")] == cases
+    own = Parsed(numbers(folder)["z-9"]["claims"])
+    assert [each["text"] for each in own.all("summary")] == ["The others: ✓ 1 reproduced, ◐ 1 depends"]
+    assert [each["class"] for each in own.all("b") if "class" in each] == ["differs", "depends", "reproduced"]
     assert "tests/test_a.py::test_b" in [each["text"] for each in parsed.all("code")]
 
     front = Parsed(written(folder))

@@ -13,7 +13,7 @@ for (const box of document.querySelectorAll(".claims, .numbers")) {
   const show = () => {
     const { claims, facts, note, numbers } = window.figureNumbers[box.closest("article").id];
     if (box.matches(".claims")) {
-      box.append(element("ul", { innerHTML: claims }));
+      box.append(element("div", { innerHTML: claims }));
       return;
     }
     box.append(element("p", { className: "note" }, note),

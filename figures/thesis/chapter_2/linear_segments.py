@@ -11,8 +11,7 @@ from scipy.spatial import ConvexHull
 
 from figures._errors import slope
 from figures.plot import Style
-from figures.shared.sheets import point_plots
-from figures.shared.sheets.panels import curve, legend_below, name_axes
+from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
 from figures.thesis.chapter_2.spline_curves import CORNER, CURVE, FINE, at, draw_curve, pair, table
 from qmcjax.tracing import motion
 
@@ -36,7 +35,7 @@ def thesis_2_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
     figure, (left, right) = pair(
-        "Linear segments approximate the arc length, even of a curve with a corner\nthesis, Fig. 2.4", 10
+        "Linear segments approximate the arc length, even of a curve with a corner\nthesis, Fig. 2.4"
     )
     draw_curve(left, CURVE)
     ends = at(CURVE, np.linspace(CURVE.knots[0], CURVE.knots[-1], SHOWN_2_4 + 1))
@@ -103,8 +102,7 @@ def thesis_2_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
 
     figure, (left, right) = pair(
         "Ends of segments lie on the curve, and errors in between stay below their bound\n"
-        "thesis, Fig. 2.5; linear segments of equal length",
-        10,
+        "thesis, Fig. 2.5; linear segments of equal length"
     )
     draw_curve(left, CURVE)
     label = f"{SHOWN_2_5} segments of equal length"
@@ -159,10 +157,11 @@ NOTE_2_7 = (
 
 def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a full turn by few and by many segments, and count how many are enough."""
-    figure, axes = point_plots.panels(
-        len(SHOWN_2_7) + 1,
-        "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7",
+    figure = new_figure(
+        "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7", 3.7
     )
+    grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 2))
+    axes = [figure.add_subplot(grid[place]) for place in ((0, 0), (0, 1), (1, 0), (1, 1), (slice(None), 2))]
     angles = np.linspace(0, 2 * np.pi, 361)
     for panel, segments in zip(axes, SHOWN_2_7, strict=False):
         path = motion.approximated(_rotation(1.0), 0.0, 1.0, segments)
@@ -170,20 +169,20 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panel.plot(*np.asarray(path.points).T, "o-", color="C1", ms=4, lw=1, label="linear segments")
         panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
         panel.set_axis_off()
-        panel.set_title(f"{segments} segments,\nerror {_error(1.0, segments):.1%} of the radius", fontsize=8)
+        panel.set_title(f"{segments} segments:\nerror {_error(1.0, segments):.1%}")
     legend_below(figure, figure.axes[0])
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):
-        axes[-1].plot(counts, of, marker=marker, ms=4, label=f"{turns:g} turn" + "s" * (turns > 1))
-    axes[-1].axhline(ALLOWED, color="k", lw=0.6, ls=":", label=f"{ALLOWED:.0%} of the radius")
+        axes[-1].plot(counts, of, marker=marker, ms=4, label=_turns(turns))
+    axes[-1].axhline(ALLOWED, color="k", lw=0.8, ls=":", label=f"allowed: {ALLOWED:.0%} of the radius")
     name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="lower left")
 
     enough = {turns: int(np.ceil(np.pi * turns / np.arccos(1 - ALLOWED))) for turns in TURNS}
     around = {turns: [_error(turns, n - 1), _error(turns, n)] for turns, n in enough.items()}
     measured = {
-        "segments for 1 % of the radius": {f"{turns:g} turns": n for turns, n in enough.items()},
-        "error with one less, and with these": {f"{turns:g} turns": of for turns, of in around.items()},
+        "segments for 1 % of the radius": {_turns(turns): n for turns, n in enough.items()},
+        "error with one less, and with these": {_turns(turns): of for turns, of in around.items()},
         "error / radius, one turn": {str(n): _error(1.0, n) for n in SHOWN_2_7},
     }
     claims = {
@@ -196,6 +195,10 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         ),
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE_2_7}
+
+
+def _turns(turns: float) -> str:
+    return f"{turns:g} turn" + "s" * (turns > 1)
 
 
 def _rotation(turns: float) -> Callable[[Any], Any]:
@@ -238,9 +241,11 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     floating = {
         name: {n: _floats(_approximated(n, known)) for n in COUNTS_2_8} for name, known in ways.items()
     }
-    figure, axes = point_plots.panels(
-        3, "The ball touches the floor only if segments end where it lands\nthesis, Fig. 2.8; a jumping ball"
+    figure = new_figure(
+        "The ball touches the floor only if segments end where it lands\nthesis, Fig. 2.8; a jumping ball", 3.2
     )
+    grid = figure.add_gridspec(2, 2)
+    axes = [figure.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]
     for panel, color, (name, known) in zip(axes, COLORS, ways.items(), strict=False):
         path = _approximated(SEGMENTS, known)
         panel.axhline(0, color="0.5", lw=2)
@@ -248,12 +253,11 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panel.plot(*np.asarray(path.points).T, "o-", color=color, ms=4, lw=1, label="linear segments")
         panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75))
         panel.set_axis_off()
-        title = f"{SEGMENTS} segments, {name}\nturns at {floating[name][SEGMENTS]:.1%} of its height"
-        panel.set_title(title, fontsize=8)
-        panel.legend(fontsize=8, loc="upper left")
+        title = f"{SEGMENTS} segments, {name}:\nlands {floating[name][SEGMENTS]:.1%} of its height above the floor"
+        panel.set_title(title)
     for (name, of), color in zip(floating.items(), COLORS, strict=True):
         axes[2].plot(COUNTS_2_8, list(of.values()), ".-", color=color, lw=0.8, label=name)
-    name_axes(axes[2], "linear segments", "height of the turn / height of a jump", legend="best")
+    name_axes(axes[2], "linear segments", "height of the landing / height of a jump", legend="best")
     without, knowing = floating.values()
     measured = {
         "corners that knots tell": BALL.corners.tolist(),

@@ -161,4 +161,4 @@ def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high
     axes.plot(0, 0, "k+", ms=8, label="centre of rotation")
     axes.set(aspect="equal", xlim=(-1.0, 2.4), ylim=(-2.0, 2.1))
     axes.set_axis_off()
-    axes.set_title(f"{name}: {-np.degrees(stop):.0f}°", fontsize=9)
+    axes.set_title(f"{name}: {-np.degrees(stop):.0f}°")

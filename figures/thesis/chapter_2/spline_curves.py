@@ -57,9 +57,9 @@ def table(curve: motion.Nurbs, pieces: int) -> tuple[NDArray[np.float64], NDArra
     return u, np.append(0.0, np.cumsum(chords))
 
 
-def pair(title: str, width: float = 9) -> tuple[Figure, list[Axes]]:
+def pair(title: str) -> tuple[Figure, list[Axes]]:
     """Return a figure of two panels for curves that are wider than high."""
-    figure = new_figure(title, width, 4.6)
+    figure = new_figure(title, 3.4)
     return figure, list(figure.subplots(1, 2))
 
 
@@ -104,11 +104,11 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "At most four cubic B-spline basis functions differ from zero at once\n"
         "thesis, Fig. 2.1; end knots four times each"
     )
-    figure = new_figure(title, 9, 4)
+    figure = new_figure(title, 2.8)
     axes = figure.subplots()
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
-        look = {"ha": "center", "fontsize": 9, "color": f"C{i % 10}"}
+        look = {"ha": "center", "color": f"C{i % 10}"}
         top = u[column.argmax()], column.max()
         axes.annotate(f"$N_{{{i},3}}$", top, xytext=(0, 3), textcoords="offset points", **look)
     name_axes(axes, "parameter u", "value of the basis function", ticks=sorted(set(KNOTS)))
@@ -182,7 +182,7 @@ def thesis_2_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     for panel, (name, of) in zip(axes, points.items(), strict=True):
         draw_curve(panel, CURVE)
         panel.plot(*of.T, "o", mfc="white", color="C1", ms=5, label="at equal time steps")
-        panel.set_title(f"{name}\nlongest step / shortest = {ratios[name]:.4g}", fontsize=9)
+        panel.set_title(f"{name}\nlongest step / shortest = {ratios[name]:.4g}")
     legend_below(figure, figure.axes[0])
     by_parameter, by_length = ratios.values()
     measured = {name: {"longest step / shortest": ratio} for name, ratio in ratios.items()}
@@ -227,7 +227,7 @@ def thesis_2_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         measured[name] = found = _at_bottom(curve)
         draw_curve(panel, curve)
         panel.plot(*CORNER.control[BOTTOM], "s", color="C1", ms=5)
-        panel.set_title(f"{name}\nturn at the bottom {found['turn, degrees']:.1f}°", fontsize=9)
+        panel.set_title(f"{name}\nturn at the bottom {found['turn, degrees']:.1f}°")
     legend_below(figure, figure.axes[0])
     corner, smooth = measured.values()
     claims = {

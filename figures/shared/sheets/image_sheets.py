@@ -181,6 +181,12 @@ def add_axes(figure: Figure, left: float, bottom: float, width: float, height: f
     return figure.add_axes((left / across, bottom / down, width / across, height / down))
 
 
+def axes_below(figure: Figure, height: int, count: int) -> list[Axes]:
+    """Add axes side by side, with room for their names, below the images: to a height in pixels."""
+    across = round(figure.get_size_inches()[0] * DPI) // count
+    return [add_axes(figure, k * across + 190, 120, across - 230, height - 200) for k in range(count)]
+
+
 def errors(images: Mapping[str, NDArray], reference: NDArray, captions: Mapping[str, str]) -> Row:
     """Return the row of what grey images are above and below a reference."""
     found = {name: image - reference for name, image in images.items()}

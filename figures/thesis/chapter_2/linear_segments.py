@@ -158,7 +158,8 @@ NOTE_2_7 = (
 def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw a full turn by few and by many segments, and count how many are enough."""
     figure = new_figure(
-        "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7", 3.7
+        "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7",
+        3.7,
     )
     grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 2))
     axes = [figure.add_subplot(grid[place]) for place in ((0, 0), (0, 1), (1, 0), (1, 1), (slice(None), 2))]
@@ -242,7 +243,8 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         name: {n: _floats(_approximated(n, known)) for n in COUNTS_2_8} for name, known in ways.items()
     }
     figure = new_figure(
-        "The ball touches the floor only if segments end where it lands\nthesis, Fig. 2.8; a jumping ball", 3.2
+        "The ball touches the floor only if segments end where it lands\nthesis, Fig. 2.8; a jumping ball",
+        3.2,
     )
     grid = figure.add_gridspec(2, 2)
     axes = [figure.add_subplot(grid[place]) for place in ((0, 0), (1, 0), (slice(None), 1))]

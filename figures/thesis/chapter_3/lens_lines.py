@@ -15,7 +15,7 @@ from figures.plot import Style
 from figures.shared.costs import timed
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, curves, name_axes
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
@@ -234,7 +234,7 @@ def _draw(
     bands: Errors,
     at_equal_time: dict[float, float],
 ) -> Figure:
-    size, below = 192, 420
+    below = 640
     eight = [Panel(f"line {k + 1} of 8", shown(image)) for k, image in enumerate(lines)]
     most = max(images["lines, evenly"])
     means = [
@@ -257,14 +257,14 @@ def _draw(
         "Each doubling of the lines on the lens, up to 16, lowers the error\n"
         "thesis, Fig. 3.11; depth of field; errors: black to white is -24 to 24 of 255"
     )
-    figure = image_grid(title, [*eight, *means, *differences], 8, size, below)
+    figure = image_grid(title, [*eight, *means, *differences], 4, below)
     styles = {
         "lines": Style(BLUE, "o"),
         "lines, evenly": Style(VERMILLION, "s"),
         "points": Style(BLACK, "^"),
         "samples of the lens": Style(ORANGE, "D"),
     }
-    left, right = (add_axes(figure, start, 64, 560, below - 130) for start in (110, 1010))
+    left, right = axes_below(figure, below, 2)
     curves(left, errors, styles, lw=1.5)
     curves(right, bands, styles, lw=1.5)
     curve(left, at_equal_time, Style(GREEN, "", ":"), lw=1.5, label="lens, at equal time")
@@ -277,5 +277,5 @@ def _draw(
         x = f"lines ({SPP} samples per pixel each), or points"
         name_axes(axes, x, y, title, log="xy", ticks=ticks, few_decades=True)
         axes.set_xlim(0.9, max(ticks) * 1.1)
-    left.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    left.legend(loc="upper right", frameon=False)
     return figure

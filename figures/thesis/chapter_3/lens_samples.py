@@ -15,12 +15,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
-from figures import plot
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, VERMILLION
 from figures.shared.rendered import diffusion, scene_images
-from figures.shared.sheets.image_sheets import DPI, GAP, LINE, Panel, add_axes, image_grid
-from figures.shared.sheets.panels import name_axes, write_title
+from figures.shared.sheets.image_sheets import DPI, GAP, Panel, add_axes, axes_below, image_grid
+from figures.shared.sheets.panels import name_axes
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 
@@ -77,7 +76,7 @@ def thesis_3_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
             errors=", ".join(f"{of:.4f} ({name})" for name, of in errors.items()),
         ),
     }
-    return image_grid(title, panels, 4, 256), numbers
+    return image_grid(title, panels, 4), numbers
 
 
 @pytree
@@ -123,8 +122,8 @@ MANY_3_9 = {"draft": 16, "paper": 128}
 """Lines whose mean density is shown."""
 SIDE_3_9 = {"draft": 64, "paper": 128}
 SPP_3_9 = {"draft": 4, "paper": 2}
-SIZE = 256
-"""Pixels of the picture for an image."""
+BELOW = 600
+"""Pixels of a row of plots below the images."""
 RINGS = 8
 EDGES = 360
 """Directions of straight edges, and places of each."""
@@ -280,35 +279,25 @@ def _draw(
     errors: dict[str, dict[str, float]],
     many: int,
 ) -> Figure:
-    head = 2 * LINE + 8
-    width, height = 5 * (SIZE + GAP) + GAP, 2 * (SIZE + head) + 3 * GAP + 62
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    write_title(
-        figure,
-        "A square-root mapping spreads samples on diameters evenly over the lens\nthesis, Fig. 3.9 and 3.10",
-        9,
-        y=1 - 14 / height,
+    white = 3 * float(pictures["a disc, exact"].max())
+    lights = [Panel(f"light out of focus:\n{name}", image, (0, white)) for name, image in pictures.items()]
+    title = (
+        "A square-root mapping spreads samples on diameters evenly over the lens\nthesis, Fig. 3.9 and 3.10"
     )
-    bottom = height - 62 - head - SIZE
+    figure = image_grid(title, lights, 5, 2 * BELOW)
+    size = figure.get_size_inches()[0] * DPI / len(errors)
     for k, (name, error) in enumerate(errors.items()):
-        axes = add_axes(figure, GAP + k * (SIZE + GAP), bottom, SIZE, SIZE)
+        axes = add_axes(figure, k * size + GAP, BELOW + GAP, size - 2 * GAP, size - 2 * GAP)
         _pattern(axes, name)
-        caption = f"{name}, edge error\nall {error['all']:.4f}, worst {error['worst']:.4f}"
-        axes.set_title(caption, fontsize=8, pad=4)
-    axes = add_axes(figure, GAP + 4 * (SIZE + GAP) + 36, bottom + 46, SIZE - 40, SIZE - 46)
+        axes.set_title(f"{name}, edge error:\nall {error['all']:.4f}, worst {error['worst']:.4f}", pad=4)
+    axes = axes_below(figure, BELOW, 2)[0]
     middle = (np.arange(RINGS) + 0.5) / RINGS
     axes.plot(middle, density["evenly"], "o-", color=VERMILLION, ms=3, label="evenly")
     axes.plot(middle, density["sqrt"], "s-", color=BLUE, ms=3, label="sqrt")
     axes.axhline(1, color=BLACK, lw=0.6)
     name_axes(axes, "radius on the lens", log="y", few_decades=True, legend="best")
     axes.set(xlim=(0, 1), ylim=(0.4, 12))
-    axes.set_title(f"density relative to\na disc, {many} lines", fontsize=8, pad=4)
-
-    white = 3 * float(pictures["a disc, exact"].max())
-    for k, (caption, image) in enumerate(pictures.items()):
-        zoom, left = SIZE // len(image), GAP + k * (SIZE + GAP)
-        axes = plot.place(figure, image, left, GAP, zoom, limits=(0, white))
-        axes.set_title(f"light out of focus:\n{caption}", fontsize=8, pad=4)
+    axes.set_title(f"density relative to a disc, {many} lines")
     return figure
 
 

@@ -42,7 +42,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw both, and compare the thesis's way with the library's in random configurations."""
     count = RANDOM[quality]
     figure = new_figure(
-        "A ray hits a moving triangle from one crossing of an edge to the next\nthesis, Fig. 3.1", 10, 4.2
+        "A ray hits a moving triangle from one crossing of an edge to the next\nthesis, Fig. 3.1", 3.5
     )
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1))
     _scene(figure.add_subplot(grid[:, 0]))

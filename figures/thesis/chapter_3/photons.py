@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import tracing
 from qmcjax.tracing import motion
@@ -39,6 +39,9 @@ MOVING = (-0.15, -0.35, 0.2, 0.2)
 
 KINDS = {"one time each": VERMILLION, "intervals": BLUE}
 KEY = 7
+
+BELOW = 640
+"""Pixels of the curves below the images."""
 
 NOTE = (
     "The scene is ours: a floor below a point light at height 1, a still and a moving square in "
@@ -224,13 +227,11 @@ def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, s
         "Photons stored for intervals of time: less than half as many give the same error\n"
         f"thesis, Sect. 3.1.5; irradiance below a still and a moving square, $2^{{{log}}}$ photons"
     )
-    figure = image_grid(title, panels, 3, 288, below=470)
-    width = figure.get_size_inches()[0] * DPI
+    figure = image_grid(title, panels, 3, BELOW)
     ticks = {2**log: f"$2^{{{log}}}$" for log in size.logs}
     parts = ("still", "moving")
     shown = [of[part] for by_count in found.values() for of in by_count.values() for part in parts]
-    for place, part in enumerate(parts):
-        axes = add_axes(figure, 90 + place * (width / 2 - 20), 80, width / 2 - 130, 330)
+    for place, (axes, part) in enumerate(zip(axes_below(figure, BELOW, 2), parts, strict=True)):
         for kind, color in KINDS.items():
             errors = {count: of[part] for count, of in found[kind].items()}
             curve(axes, errors, Style(color, "o"), lw=1.5, label=kind)

@@ -190,9 +190,9 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "thesis, Fig. 3.3 and 3.4; the middle of the shutter, predicted\n"
         f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
     )
-    figure = image_grid(title, panels, 3, 288, below=330)
+    figure = image_grid(title, panels, 3, 560)
     width = figure.get_size_inches()[0] * DPI
-    _recursion(add_axes(figure, 90, 30, width - 110, 260), raw.steps, count)
+    _recursion(add_axes(figure, 140, 40, width - 180, 440), raw.steps, count)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 
@@ -206,7 +206,7 @@ def _recursion(axes: Axes, steps: tuple[tracing.Step, ...], count: int) -> None:
     for number, level in levels.items():
         axes.plot([number, number], [-level, -LEVELS - 0.65], color=GREY, lw=0.6, ls=":", zorder=0)
         circle = {"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "0.3"}
-        axes.text(number, -level, f"$i_{number}$", ha="center", va="center", fontsize=9, bbox=circle)
+        axes.text(number, -level, f"$i_{number}$", ha="center", va="center", bbox=circle)
     axes.set(xlim=(-0.6, count - 0.4), ylim=(-LEVELS - 0.7, 0.5), yticks=-np.arange(LEVELS + 1))
     axes.set_yticklabels(["sampled", *(f"level {level}" for level in range(1, LEVELS + 1))])
     axes.set_xticks([])
@@ -277,14 +277,14 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "Checking the contrast finds the pixels whose prediction fails\n"
         "thesis, Fig. 3.6 and 3.7; pixels as moving triangles"
     )
-    figure = image_grid(title, panels, 3, 288, below=380)
+    figure = image_grid(title, panels, 3, 760)
     width = figure.get_size_inches()[0] * DPI
     wide = (width - 60) / 3
     for place, time in enumerate((1 / 6, 1 / 2)):
-        axes = add_axes(figure, 15 + place * (wide + 15), 35, wide, wide)
+        axes = add_axes(figure, 15 + place * (wide + 15), 30, wide, wide)
         _mesh(axes, raw.images[0], time)
         axes.set_title("pixels of the first interval" if place == 0 else "moved to the middle")
-    _parity(add_axes(figure, 55 + 2 * (wide + 15), 70, wide - 60, wide - 60))
+    _parity(add_axes(figure, 100 + 2 * (wide + 15), 130, wide - 180, wide - 180))
     progress(1.0)
     return figure, {"measured": measured, "claims": claims, "note": note}
 

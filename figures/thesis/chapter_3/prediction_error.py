@@ -12,7 +12,7 @@ from figures._rc import BLACK, BLUE
 from figures.plot import Style
 from figures.shared.rendered import scene_images
 from figures.shared.rendered.diffusion import shown
-from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from figures.thesis.chapter_3 import prediction
 from qmcjax import samplers, sequences, tracing
@@ -187,9 +187,8 @@ def _draw(
         "thesis, Sect. 3.3.4\n"
         f"our scene, {size.side} x {size.side} pixels, {size.keys} keys"
     )
-    figure = image_grid(title, panels, 4, 240, below=430)
-    width = figure.get_size_inches()[0] * DPI
-    left, right = (add_axes(figure, 90 + k * (width / 2 + 5), 70, width / 2 - 120, 330) for k in range(2))
+    figure = image_grid(title, panels, 4, below=700)
+    left, right = axes_below(figure, 700, 2)
     for kind, color in (("plain", BLACK), ("predicted", BLUE)):
         values = {n: of["all"] for n, of in errors[kind].items()}
         curve(left, values, Style(color, "o"), lw=1.5, label=f"error, {kind}")

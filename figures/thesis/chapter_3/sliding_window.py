@@ -11,7 +11,7 @@ import qmcjax as qj
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, VERMILLION
 from figures.plot import Style
-from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import tracing
 
@@ -32,6 +32,9 @@ CLOSE = np.array([[0.6, 0.8], [0.9, 0.3]])
 WIDTH = 0.03
 FADE = 0.8
 """Of the colour, while the shutter is open."""
+
+BELOW = 640
+"""Pixels of the curves below the images."""
 
 CLOSE_TO = 1e-6
 QUANTILE = 99
@@ -218,9 +221,8 @@ def _dense(opened: NDArray, closed: NDArray, points: NDArray) -> tuple[NDArray, 
 def _draw(
     panels: list[Panel], title: str, drift: dict[int, float], errors: dict[int, float], exact: float
 ) -> Figure:
-    below = 400
-    figure = image_grid(title, panels, 5, 256, below)
-    left, right = (add_axes(figure, start, 70, 500, below - 130) for start in (130, 810))
+    figure = image_grid(title, panels, 5, BELOW)
+    left, right = axes_below(figure, BELOW, 2)
     look = {"ms": 3, "lw": 1.5}
     curve(left, drift, Style(VERMILLION, "o"), label="subtracted and added, float32", **look)
     left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")

@@ -72,7 +72,7 @@ def thesis_3_1_7(quality: str, progress: Callable[[float], None]) -> tuple[Figur
         f"thesis, Sect. 3.1.7; {SIDE_3_1_7} x {SIDE_3_1_7} pixels; "
         "1/16, 1/4, 1/2: part of the pixels that are new; hole: largest distance to a new pixel; error: RMS"
     )
-    figure = image_grid(title, panels, 4, 2 * SIDE_3_1_7)
+    figure = image_grid(title, panels, 4)
     numbers = {
         "measured": measured,
         "claims": _claims_3_1_7(measured, each_once),
@@ -208,7 +208,7 @@ def thesis_3_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     for name, image in layers.items():
         caption = f"in front of a zone plate: {name}\nnoise on / off the path {noise[name]:.2f}"
         panels.append(Panel(caption, image))
-    figure = image_grid(title, panels, 4, 384)
+    figure = image_grid(title, panels, 4)
     numbers = {
         "measured": {"errors": errors, "noise on / off the path": noise},
         "claims": _claims_3_5(errors, noise),

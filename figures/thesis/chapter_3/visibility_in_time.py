@@ -174,8 +174,7 @@ def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array
 def _draw(measured: Mapping[str, Any]) -> Figure:
     figure = new_figure(
         "Up to 32 triangles, analytic visibility in time gains more than it costs\nthesis, Sect. 3.2",
-        10,
-        3.9,
+        3.2,
     )
     shown = {name: measured[name] for name in (BOX, ALL) if measured[name]}
     axes = figure.subplots(1, len(shown) + 1)

@@ -41,7 +41,7 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw what one ray sees, and count the intervals of many."""
     figure = new_figure(
-        "What a ray sees changes far less often than the worst case of $m^2$\nthesis, Fig. 3.2", 10, 4.2
+        "What a ray sees changes far less often than the worst case of $m^2$\nthesis, Fig. 3.2", 3.2
     )
     grid = figure.add_gridspec(2, 2, width_ratios=(1.7, 1), height_ratios=(6, 1))
     opened, closed = _triangles()

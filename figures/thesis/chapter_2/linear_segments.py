@@ -159,7 +159,7 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     """Draw a full turn by few and by many segments, and count how many are enough."""
     figure = new_figure(
         "A fast rotation needs more than 20 linear segments per turn for an error of 1 %\nthesis, Fig. 2.7",
-        3.7,
+        3.4,
     )
     grid = figure.add_gridspec(2, 3, width_ratios=(1, 1, 2))
     axes = [figure.add_subplot(grid[place]) for place in ((0, 0), (0, 1), (1, 0), (1, 1), (slice(None), 2))]
@@ -170,13 +170,15 @@ def thesis_2_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panel.plot(*np.asarray(path.points).T, "o-", color="C1", ms=4, lw=1, label="linear segments")
         panel.set(aspect="equal", xlim=(-1.1, 1.1), ylim=(-1.1, 1.1))
         panel.set_axis_off()
-        panel.set_title(f"{segments} segments:\nerror {_error(1.0, segments):.1%}")
+        panel.set_title(f"{segments} segments:\nerror {100 * _error(1.0, segments):.1f} %")
     legend_below(figure, figure.axes[0])
     counts = [4 * 2**k for k in range(7)]
     errors = {turns: [_error(turns, n) for n in counts] for turns in TURNS}
     for (turns, of), marker in zip(errors.items(), "ov^", strict=True):
         axes[-1].plot(counts, of, marker=marker, ms=4, label=_turns(turns))
-    axes[-1].axhline(ALLOWED, color="k", lw=0.8, ls=":", label=f"allowed: {ALLOWED:.0%} of the radius")
+    axes[-1].axhline(
+        ALLOWED, color="k", lw=0.8, ls=":", label=f"allowed: {100 * ALLOWED:.0f} % of the radius"
+    )
     name_axes(axes[-1], "linear segments", "error / radius", log="xy", legend="lower left")
 
     enough = {turns: int(np.ceil(np.pi * turns / np.arccos(1 - ALLOWED))) for turns in TURNS}
@@ -255,11 +257,13 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panel.plot(*np.asarray(path.points).T, "o-", color=color, ms=4, lw=1, label="linear segments")
         panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75))
         panel.set_axis_off()
-        title = f"{SEGMENTS} segments, {name}:\nlands {floating[name][SEGMENTS]:.1%} of its height above the floor"
-        panel.set_title(title)
+        above = floating[name][SEGMENTS]
+        panel.set_title(f"{SEGMENTS} segments, {name}:\nlowest at {100 * above:.0f} % of a jump's height")
     for (name, of), color in zip(floating.items(), COLORS, strict=True):
-        axes[2].plot(COUNTS_2_8, list(of.values()), ".-", color=color, lw=0.8, label=name)
-    name_axes(axes[2], "linear segments", "height of the landing / height of a jump", legend="best")
+        axes[2].plot(COUNTS_2_8, list(of.values()), "o", color=color, ms=4, label=name)
+    axes[2].annotate("multiples of 3", (12, 0.01), (15, 0.06), arrowprops={"arrowstyle": "->", "lw": 0.6})
+    legend_below(figure, axes[0])
+    name_axes(axes[2], "linear segments", "lowest point / height of a jump", legend="best")
     without, knowing = floating.values()
     measured = {
         "corners that knots tell": BALL.corners.tolist(),

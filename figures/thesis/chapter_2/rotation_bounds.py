@@ -9,8 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
-from figures.shared.sheets import point_plots
-from figures.shared.sheets.panels import legend_below
+from figures.shared.sheets.panels import legend_below, new_figure
 from qmcjax.tracing import motion
 
 CORNERS = np.array([[0.3, 0.7], [1.5, 0.7], [1.5, 1.4], [0.3, 1.4]])
@@ -32,11 +31,12 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw two rotations with their boxes, and measure how tight these are, in the plane and in space."""
-    figure, axes = point_plots.panels(
-        2,
+    figure = new_figure(
         "Corners are farthest out where the derivative is zero, or at the end\n"
         "thesis, Fig. 2.6; bounding boxes of a rotating rectangle",
+        3.5,
     )
+    axes = figure.subplots(1, 2)
     corner = CORNERS[-1]
     highest = -float(np.arctan2(corner[1], corner[0]))
     measured: dict = {}
@@ -152,13 +152,13 @@ def _draw(axes: Axes, name: str, stop: float, highest: float, low: NDArray, high
     kinds = (
         (0.0, "C1", "start"),
         (stop, "C0", "end"),
-        (highest, "C2", "upper-left corner at its largest x"),
+        (highest, "C2", "upper-left corner (dot) at its largest x"),
     )
     for angle, color, label in kinds:
         if label in ("start", "end") or angle != stop:
             axes.add_patch(Polygon(turned(angle), fill=False, edgecolor=color, lw=1.5, label=label))
             axes.plot(*turned(angle)[-1], "o", color=color, ms=5)
     axes.plot(0, 0, "k+", ms=8, label="centre of rotation")
-    axes.set(aspect="equal", xlim=(-1.0, 2.4), ylim=(-2.0, 2.1))
+    axes.set(aspect="equal", xlim=(-0.3, 2.2), ylim=(-1.8, 1.45))
     axes.set_axis_off()
     axes.set_title(f"{name}: {-np.degrees(stop):.0f}°")

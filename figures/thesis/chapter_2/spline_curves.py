@@ -106,6 +106,8 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     )
     figure = new_figure(title, 2.8)
     axes = figure.subplots()
+    axes.axvspan(3, 4, color="0.92", lw=0)
+    axes.text(3.5, 0.97, "four functions\nbetween two knots", ha="center", va="center")
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
         look = {"ha": "center", "color": f"C{i % 10}"}

@@ -120,8 +120,7 @@ def _not_linear(camera: tracing.Camera, point: NDArray) -> float:
 COUNT = 8
 MANY_3_9 = {"draft": 16, "paper": 128}
 """Lines whose mean density is shown."""
-SIDE_3_9 = {"draft": 64, "paper": 128}
-SPP_3_9 = {"draft": 4, "paper": 2}
+SIDE_3_9, SPP_3_9 = 128, 2
 BELOW = 600
 """Pixels of a row of plots below the images."""
 RINGS = 8
@@ -152,7 +151,7 @@ NOTE_3_9 = (
 
 def thesis_3_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the patterns, and measure densities by pictures of a light."""
-    side, many, spp = SIDE_3_9[quality], MANY_3_9[quality], SPP_3_9[quality]
+    side, many, spp = SIDE_3_9, MANY_3_9[quality], SPP_3_9
     names = (f"{COUNT} points", f"{COUNT} parallel lines", f"{COUNT} lines, evenly", f"{COUNT} lines, sqrt")
     parts = (_of_points, _of_parallel, partial(_of_diameters, False), partial(_of_diameters, True))
     errors = {name: _edge_errors(part) for name, part in zip(names, parts, strict=True)}
@@ -286,18 +285,22 @@ def _draw(
     )
     figure = image_grid(title, lights, 5, 2 * BELOW)
     size = figure.get_size_inches()[0] * DPI / len(errors)
-    for k, (name, error) in enumerate(errors.items()):
+    for k, name in enumerate(errors):
         axes = add_axes(figure, k * size + GAP, BELOW + GAP, size - 2 * GAP, size - 2 * GAP)
         _pattern(axes, name)
-        axes.set_title(f"{name}, edge error:\nall {error['all']:.4f}, worst {error['worst']:.4f}", pad=4)
-    axes = axes_below(figure, BELOW, 2)[0]
+        axes.set_title(name, pad=4)
+    axes, bars = axes_below(figure, BELOW, 2)
     middle = (np.arange(RINGS) + 0.5) / RINGS
     axes.plot(middle, density["evenly"], "o-", color=VERMILLION, ms=3, label="evenly")
     axes.plot(middle, density["sqrt"], "s-", color=BLUE, ms=3, label="sqrt")
     axes.axhline(1, color=BLACK, lw=0.6)
-    name_axes(axes, "radius on the lens", log="y", few_decades=True, legend="best")
+    name_axes(axes, "radius on the lens", "density / a disc's", f"{many} lines", log="y", legend="best")
     axes.set(xlim=(0, 1), ylim=(0.4, 12))
-    axes.set_title(f"density relative to a disc, {many} lines")
+    for marker, color, part in (("o", BLACK, "all"), ("^", VERMILLION, "worst")):
+        bars.plot([error[part] for error in errors.values()], marker, color=color, label=f"{part} directions")
+    ticks = dict(enumerate(("points", "parallel", "evenly", "sqrt")))
+    name_axes(bars, "", "RMS error at edges", f"{COUNT} points or lines", ticks=ticks, legend="upper right")
+    bars.set(xlim=(-0.5, len(errors) - 0.5), ylim=(0, None))
     return figure
 
 

@@ -90,7 +90,7 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
         "claims": _claims_9(over_keys),
         "note": note,
     }
-    return magnify_all(title, panels, len(panels), 256, below=True), numbers, images
+    return magnify_all(title, panels, len(panels), below=True), numbers, images
 
 
 def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:
@@ -123,8 +123,6 @@ def _claims_9(over_keys: dict[str, dict[str, list[float]]]) -> Claims:
 SIDE_10 = {"draft": 32, "paper": 128}
 JUDGED_SIDE_10 = {"draft": 32, "paper": 64}
 """Of images of all keys."""
-SHOWN = 256
-"""Pixels of the picture for an image."""
 SPP_10 = 16
 REFERENCE_SPP = {"draft": 256, "paper": 65536}
 BOUNCES = {"draft": 2, "paper": 6}
@@ -187,7 +185,7 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         f"our scenes, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels\n"
         "of the key that is shown; ranked keys: ours, after Heitz et al."
     )
-    figure = magnify_all(title, panels, len(handed_out), SHOWN, below=True)
+    figure = magnify_all(title, panels, len(handed_out), below=True)
     afar = {
         title: {name: [of["filtered error"] for of in keys] for name, keys in found.items()}
         for title, found in over_keys.items()

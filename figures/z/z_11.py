@@ -60,8 +60,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "On rendered scenes no difference between Z and the (0,2)-sequence is certain\n"
         "Z paper, Fig. 11\n"
         f"our scenes, {side} x {side} pixels, {many}; ranked keys: ours, after Heitz et al.",
-        11,
-        8.5,
+        7.5,
     )
     errors: Errors = {}
     origins = ""

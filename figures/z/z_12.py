@@ -60,9 +60,6 @@ NAMES = {
 } | {name: f"Z, {name}" for name in ALPHABETS}
 """In pictures."""
 
-INSET = 256
-"""Pixels of the picture that an inset is wide, at most."""
-
 NOTE = (
     f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper does not describe its "
     "scene; we use the occluder of Fig. 9, five dimensions in three constituents: pixel, light and u, "
@@ -183,7 +180,7 @@ def _sheet(
         if name in errors:
             text += f"\nfiltered error {diffusion.measures(image, exact)['filtered error']:.4f}"
         panels.append(Panel(text, diffusion.shown(image)))
-    figure = image_grid(title, panels, 7, INSET, below=graphs)
+    figure = image_grid(title, panels, 7, below=graphs)
     for k, (title, names) in enumerate(
         {
             "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],

@@ -156,7 +156,6 @@ def _within(ratios: dict[str, float]) -> dict[str, bool]:
 def _draw(images: dict[str, dict[str, float]], rates: dict[str, float], size: str) -> Figure:
     figure = new_figure(
         "From 4 samples per pixel on, the global Sobol' sequence is slower than Z\nZ paper, Table 1",
-        12.5,
         4.9,
     )
     table, dots = figure.subplots(1, 2, width_ratios=(2.5, 1))

@@ -118,7 +118,7 @@ def pictures(
         waves[sampler] = _strongest_wave(images[sampler], exact)
         panels.append(magnify(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
     title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
-    figure = magnify_all(title, panels, 3, 192 if quality == "draft" else 256)
+    figure = magnify_all(title, panels, 3)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -209,7 +209,7 @@ def convergence(
         waves[sampler][spp] = _strongest_wave(image, exact)
 
     least, floor = min(error for of in errors.values() for error in of.values()), rms(exact.error)
-    figure = new_figure(f"{title}; {side} x {side} pixels, our scene, one key", 9, 6)
+    figure = new_figure(f"{title}; {side} x {side} pixels, our scene, one key", 3.6)
     plot.convergence(
         spps,
         {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},

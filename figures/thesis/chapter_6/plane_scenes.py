@@ -147,9 +147,7 @@ def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, 
     panels = [Panel(captions.get(name, name), image, marked=marked) for name, image in images.items()]
     panels += [Panel("", image[area], limits) for image in images.values()]
     title += f"; magnified: black is {limits[0]:.2g}, white {limits[1]:.2g}"
-    side = len(panels[0].image)
-    # Wide sheets are shown smaller.
-    return image_grid(title, panels, len(images), side, text=side / 256)
+    return image_grid(title, panels, len(images))
 
 
 def convergence(

@@ -87,7 +87,7 @@ def _nameless(axes: Any) -> list[str]:
         low, high = sorted(axis.get_view_interval())
         labels = [
             label.get_text()
-            for place, label in zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+            for place, label in zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=False)
             if low <= place <= high and label.get_visible()
         ]
         figure = axes.get_figure()

@@ -228,7 +228,6 @@ def _draw(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
     figure = new_figure(
         "Points that cost more must save samples: error over run time, one mark for each number of samples\n"
         "(lower left is better; grey: error of the reference)",
-        3.3 * COLUMNS + 2,
         3.2 * rows + 0.6,
     )
     axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()

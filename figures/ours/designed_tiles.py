@@ -170,7 +170,7 @@ def _draw(
             cut = images[name][middle : middle + CROP, middle : middle + CROP]
             panels.append(Panel(f"{scene.replace('_', ' ')}, 1 spp\n{name}", cut))
     height, width = 250, 300
-    figure = image_grid(title, panels, len(SHOWN), PANEL, below=2 * height + 190)
+    figure = image_grid(title, panels, len(SHOWN), below=2 * height + 190)
     tile = _tile(1)
     axes = add_axes(figure, 40, height + 140, height, height)
     axes.imshow(tile, interpolation="nearest")

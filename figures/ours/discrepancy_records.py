@@ -153,8 +153,7 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], part
     lines = (len(rows) + 1) // 2
     figure = new_figure(
         "Searched points: about half of Sobol's star discrepancy, smaller L2 discrepancies, all certified",
-        14,
-        8.6 + 0.19 * lines,
+        9.5,
     )
     layout = figure.subplot_mosaic(
         "aabbcc;ddeeff;ggghhh", height_ratios=[4, 4, 0.6 + 0.19 * lines]

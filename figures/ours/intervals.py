@@ -86,7 +86,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     held, widths = _of_kinds(kinds)
     last = {(kind, "few"): hundred_integrands.by_class(of.held, of.of_class) for kind, of in stops.items()}
 
-    figure = new_figure(TITLE, 7, 10.5)
+    figure = new_figure(TITLE, 9.5)
     grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
     first, *axes = (figure.add_subplot(grid[at]) for at in ((0, slice(None)), *list(np.ndindex(4, 2))[2:]))
     wrong = _rare_events(first, rare)

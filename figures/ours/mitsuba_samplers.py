@@ -229,7 +229,7 @@ def _draw(
     bars = BAR * len(size.samplers) + 190
     below = len(CURVES) * ROW + bars + 20
     title = "Our samplers and Mitsuba's, in Mitsuba 3: errors, filtered errors and rates"
-    figure = image_grid(title, panels, 1 + len(_pictured(size)), PANEL, below=below)
+    figure = image_grid(title, panels, 1 + len(_pictured(size)), below=below)
     across = int(figure.get_figwidth() * figure.dpi)
     column = across // len(found)
     for k, (name, of) in enumerate(found.items()):

@@ -50,8 +50,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.9)
     figure = new_figure(
         "The time of an image is proportional to its samples; memory does not grow with samples per pixel",
-        13,
-        10.5,
+        7.5,
     )
     (of_images, image_memory), (of_measures, measure_memory) = figure.subplots(2, 2)
     doublings = _images(of_images, image_memory, images)

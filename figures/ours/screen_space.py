@@ -214,8 +214,7 @@ def _draw(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
     figure = new_figure(
         "Consecutive blocks of one sequence along a curve keep errors out of low frequencies, at all counts\n"
         f"radial power spectra of errors, {len(INTEGRALS)} integrands, {side} x {side} pixels, one key",
-        3 * len(FAMILIES),
-        2.4 * len(powers) + 1.6,
+        9.0,
     )
     panels = figure.subplots(len(powers), len(FAMILIES), sharex=True, sharey=True, squeeze=False)
     for row, (spp, of) in zip(panels, powers.items(), strict=True):

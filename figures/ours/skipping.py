@@ -70,7 +70,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "Skipping constant pixels keeps the error, but time may fall less than the samples\n"
         f"{size.side} x {size.side} pixels, one key"
     )
-    figure = image_grid(title, images + masks, len(SCENES), max(SHOWN, size.side), below=560)
+    figure = image_grid(title, images + masks, len(SCENES), below=560)
     _draw_times(add_axes(figure, 110, 80, 900, 420), table)
     return figure, {
         "measured": {"skipping": table, "asked for": ASKED},

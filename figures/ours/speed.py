@@ -217,7 +217,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     rays = {name: {way: of["per second"] for way, of in ways.items()} for name, ways in of_rays.items()}
     paths = {name: of["paths per second"] for name, of in of_paths.items()}
 
-    figure = new_figure("Rates of points, rays, paths and measures (further right is faster)", 16, 11)
+    figure = new_figure("Rates of points, rays, paths and measures (further right is faster)", 9.5)
     parts: Any = figure.subfigures(1, 2)
     left, right = parts
     columns = {

@@ -260,8 +260,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     figure = new_figure(
         "Single precision suffices for points and sums, not for high frequencies and distant rays\n"
         "dashed: errors that an image shows; errors of 0 are drawn at the bottom",
-        11,
-        19,
+        9.5,
     )
     axes = figure.subplots(len(panels) // COLUMNS, COLUMNS).ravel()
     measured: dict[str, Curves] = {}

@@ -69,10 +69,11 @@ def _hidden_ticks(axes: Any) -> list[Any]:
     """Return the labels of ticks that are not drawn: outside of the axes, or of axes that are off."""
     hidden = []
     for axis in (axes.xaxis, axes.yaxis):
-        low, high = sorted(axis.get_view_interval())
+        scale = axis.get_transform().transform
+        low, high = sorted(scale(axis.get_view_interval()))
         slack = 1e-6 * (high - low)
         for minor in (False, True):
-            places = axis.get_ticklocs(minor=minor)
+            places = scale(axis.get_ticklocs(minor=minor))
             for k, tick in enumerate(axis.get_minor_ticks() if minor else axis.get_major_ticks()):
                 there = axes.axison and axis.get_visible() and k < len(places)
                 if not (there and low - slack <= places[k] <= high + slack):

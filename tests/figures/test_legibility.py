@@ -71,6 +71,12 @@ def test_labels_of_ticks_outside_of_the_axes_are_not_there():
     assert faults_of(figure) == ["'15.9' overlaps '16.0'"]
 
 
+def test_labels_below_a_logarithmic_axis_of_many_decades_are_not_there():
+    figure, axes = drawn()
+    axes.set(xscale="log", xlim=(1e-7, 1), xticks=[1e-9, 1e-6, 1e-3, 1])
+    assert faults_of(figure) == []
+
+
 @pytest.mark.slow
 def test_drafts_of_all_figures_can_be_printed(drafts):
     command = [sys.executable, "-m", "figures", "--all", "--out", str(drafts)]

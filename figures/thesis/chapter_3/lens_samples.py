@@ -296,8 +296,11 @@ def _draw(
     axes.axhline(1, color=BLACK, lw=0.6)
     name_axes(axes, "radius on the lens", "density / a disc's", f"{many} lines", log="y", legend="best")
     axes.set(xlim=(0, 1), ylim=(0.4, 12))
-    for marker, color, part in (("o", BLACK, "all"), ("^", VERMILLION, "worst")):
-        bars.plot([error[part] for error in errors.values()], marker, color=color, label=f"{part} directions")
+    for marker, color, part, label in (
+        ("o", BLACK, "all", "all directions"),
+        ("^", VERMILLION, "worst", "worst direction"),
+    ):
+        bars.plot([error[part] for error in errors.values()], marker, color=color, label=label)
     ticks = dict(enumerate(("points", "parallel", "evenly", "sqrt")))
     name_axes(bars, "", "RMS error at edges", f"{COUNT} points or lines", ticks=ticks, legend="upper right")
     bars.set(xlim=(-0.5, len(errors) - 0.5), ylim=(0, None))

@@ -28,7 +28,7 @@ RANDOM = {"draft": 500, "paper": 20_000}
 TOLERANCE = 1e-4
 
 NOTE = (
-    "Left: the triangle when the shutter opens (green) and closes (yellow), with the patch of one edge; "
+    "Left: the triangle when the shutter opens and closes, with the patch of one edge; "
     "rays are perpendicular to the page. Right: for two rays, the signed area between each edge and the "
     "ray, a quadratic in time whose roots are crossings of the edge's line. The ray hits while all "
     f"three areas have the same sign. In {{count}} random configurations toggling the initial state at "
@@ -97,7 +97,7 @@ def _scene(axes: Any) -> None:
         axes.plot(*np.array(ends)[:, :2].T, color=COLORS[PATCH], lw=0.7, zorder=4)
         line = [_at(corners[first], corners[last], part) for corners in (OPENED, CLOSED)]
         axes.plot(*np.array(line)[:, :2].T, color=COLORS[PATCH], lw=0.7, zorder=4)
-    for corners, color, name in ((OPENED, "#7fc97f", "open"), (CLOSED, "#ffe066", "close")):
+    for corners, color, name in ((OPENED, "#7fc97f", "opens"), (CLOSED, "#ffe066", "closes")):
         axes.fill(*corners[:, :2].T, facecolor=color, edgecolor="k", lw=0.8, alpha=0.85, zorder=3)
         axes.annotate(
             f"shutter {name}", corners[:, :2].mean(axis=0), ha="center", va="center", zorder=5, bbox=WHITE
@@ -106,7 +106,8 @@ def _scene(axes: Any) -> None:
         axes.annotate("", b[:2], a[:2], arrowprops={"arrowstyle": "->", "lw": 0.8, "color": "0.3"}, zorder=4)
     for name, ray in RAYS.items():
         axes.plot(*ray, "o", color="k", ms=5, zorder=6)
-        axes.annotate(f"ray {name}", ray, xytext=(6, 6), textcoords="offset points", zorder=6, bbox=WHITE)
+        look = {"textcoords": "offset points", "ha": "right", "zorder": 6, "bbox": WHITE}
+        axes.annotate(f"ray {name}", ray, xytext=(-6, 6), **look)
     axes.set(aspect="equal", xlabel="x", ylabel="y")
 
 

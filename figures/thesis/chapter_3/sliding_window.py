@@ -20,7 +20,7 @@ COUNT = 8
 FRAMES = {"draft": 2**12, "paper": 2**16}
 SMALL = 16
 """Side of the images whose rounding errors are measured."""
-SIDE = {"draft": 64, "paper": 128}
+SIDE = 128
 PLACES = 2
 """Points of a pixel in each direction, at which coverage in time is computed."""
 CHECKED = 400
@@ -57,7 +57,7 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure drifts, and draw a line that moves by exact coverage and by times."""
-    side = SIDE[quality]
+    side = SIDE
     drift, exact_ring, asked = _drift(FRAMES[quality])
     progress(0.4)
     opened, closed = (_corners(ends) for ends in (OPEN, CLOSE))
@@ -85,10 +85,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     white = float(whole[8].max())
     panels = [
         Panel(f"one image of {COUNT}", images[0]),
-        Panel(f"a frame: mean of {COUNT},\nring buffer", frame),
-        Panel(f"thick line, {COUNT} times\nRMS error {errors[8]:.4f}", whole[8], (0.0, white)),
-        Panel(f"exact coverage in time,\nwhite: {100 * white:.0f} % of the shutter", exact, (0.0, white)),
-        Panel("exact, with a colour\nthat fades while it moves", _image(faded, side), (0.0, white)),
+        Panel(f"a frame:\nmean of {COUNT} images", frame),
+        Panel(f"thick line, {COUNT} times:\nRMS error {errors[8]:.4f}", whole[8], (0.0, white)),
+        Panel(f"exact: white is\n{100 * white:.0f} % of the shutter", exact, (0.0, white)),
+        Panel("exact, a colour that\nfades as it moves", _image(faded, side), (0.0, white)),
     ]
     title = (
         "A ring buffer makes each motion-blurred frame from one new image\n"

@@ -8,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from figures.shared.sheets.panels import name_axes, new_figure
@@ -20,7 +19,7 @@ TRIANGLES = 48
 KEY = 69
 TIMES = 4000
 ROOM = 48
-RAYS = {"draft": 128, "paper": 4096}
+RAYS = {"draft": 512, "paper": 4096}
 DENSE = 256
 SPREAD = 2.5
 """Rays are up to so far aside."""
@@ -67,9 +66,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     axes.plot(kept, most, ".", color="C1", label="largest number")
     axes.plot(kept, mean, "-", color="C0", label="mean number")
     x, y = "m, triangles that a ray hits at some time", "visible intervals of a ray"
-    name_axes(axes, x, y, legend="upper right", frameon=True)
-    axes.set_ylim(0, 1.3 * max(most))
-    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
+    ticks = [2**k for k in range(1, 6) if 2**k <= max(kept)]
+    name_axes(axes, x, y, log="xy", ticks=ticks, few_decades=True, legend="upper left")
+    axes.set_ylim(0.8, 1.5 * max(kept) ** 2)
     changes = [start for start, _, _ in spans[1:]]
     measured = {
         "intervals": [[start, end, number] for start, end, number in spans],
@@ -171,5 +170,6 @@ def _draw(
         for axes in (above, below):
             axes.axvline(end, color="k", lw=0.7, ls="--")
     above.set(xlim=(0, 1), ylabel="distance along the ray", xticklabels=[])
+    above.set_title(f"{CANDIDATES} triangles; thick: the one that the ray sees")
     above.invert_yaxis()
     below.set(xlim=(0, 1), xlabel="time", yticks=[], ylabel="visible")

@@ -13,12 +13,14 @@ from figures.shared.sheets.panels import new_figure
 from qmcjax.sequences import BinarySequence, Sequence
 
 
-def panels(count: int, title: str, columns: int | None = None) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a row, or rows, of square panels."""
+def panels(
+    count: int, title: str, columns: int | None = None, shape: float = 1.0
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a row, or rows, of panels, ``shape`` times as high as wide."""
     columns = columns or count
     rows = -(-count // columns)
     width = COLUMN if columns == 1 else PAGE
-    figure = new_figure(title, (width / columns + 0.3) * rows + 0.5, width)
+    figure = new_figure(title, (shape * width / columns + 0.3) * rows + 0.5, width)
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for unused in axes[count:]:
         unused.set_axis_off()

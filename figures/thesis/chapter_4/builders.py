@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures.shared.costs import in_turns, median, timed
-from figures.shared.sheets.panels import new_figure, text_table
+from figures.shared.sheets.panels import legend_below, name_axes, new_figure
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, leaf_depths, trace
 
@@ -108,7 +108,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             embree="" if EMBREE else " Embree is not installed here.",
         ),
     }
-    return _draw(measured, marks, others), numbers
+    return _draw(measured, others), numbers
 
 
 def _nodes(of: dict[str, Any], way: str) -> float:
@@ -162,27 +162,25 @@ def _embree(mesh: meshes.Mesh, side: int = 256, turns: int = 5) -> float:
     return median(taken) / len(origin) * 1e9
 
 
-def _draw(measured: dict[str, dict[str, Any]], marks: dict[str, float], others: list[str]) -> Figure:
+def _draw(measured: dict[str, dict[str, Any]], ways: list[str]) -> Figure:
     figure = new_figure(
         "Trees by 2-means or along curves are worse than by the surface area heuristic\n"
-        "thesis, Sect. 4.1.3 and 4.1.4",
-        2.4 + 0.23 * len(measured),
+        "thesis, Sect. 4.1.3 and 4.1.4; one marker per mesh",
+        3.7,
     )
-    rows = []
-    for mesh, of in measured.items():
-        row = [f"{mesh}, {of['triangles']}", f"{of[SAH]['nodes of a primary ray']:.1f}"]
-        for key in ("area / that of the heuristic", "nodes / those of the heuristic"):
-            row += [f"{of[way][key]:.2f}" if way in of else "–" for way in others]
-        row.append(f"{marks[mesh]:.0f}" if mesh in marks else "")
-        rows.append(row)
-    short = ("optimal", "Hilbert", "Morton", "2-means", "centres", "quadr.", "filled")
-    heads = ["mesh, triangles", "nodes", *short, *short, "ns per ray"]
-    count = len(others)
-    groups = [
-        ("SAH", 1, 1),
-        ("summed area / that of the heuristic", 2, 1 + count),
-        ("nodes of primary rays / those of the heuristic", 2 + count, 1 + 2 * count),
-        ("Embree", 2 + 2 * count, 2 + 2 * count),
-    ]
-    text_table(figure.subplots(), heads, rows, groups, [2.8, 0.8, *[1.0] * 14, 1.0])
+    panels = figure.subplots(1, 2, sharey=True)
+    kinds = {
+        "area / that of the heuristic": "summed area / that of the heuristic",
+        "nodes / those of the heuristic": "nodes of a primary ray / the heuristic's",
+    }
+    for axes, (key, name) in zip(panels, kinds.items(), strict=True):
+        for (mesh, of), marker in zip(measured.items(), "osD^vX", strict=True):
+            rows = [k for k, way in enumerate(ways) if way in of]
+            values = [of[ways[k]][key] for k in rows]
+            axes.plot(values, rows, marker, ms=4, label=f"{mesh}: {of['triangles']} triangles")
+        axes.axvline(1, color="0.4", lw=0.8)
+        name_axes(axes, name)
+    panels[0].set_yticks(range(len(ways)), ways)
+    panels[0].invert_yaxis()
+    legend_below(figure, panels[0], 3)
     return figure

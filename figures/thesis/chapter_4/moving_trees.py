@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures._rc import BLACK, BLUE, GREEN, PURPLE, VERMILLION
+from figures._rc import BLACK, BLUE, GREEN, LETTERS, PURPLE, VERMILLION
 from figures.plot import Style
 from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
 from figures.thesis.chapter_4 import meshes
@@ -76,6 +76,7 @@ SCENES: dict[str, dict[str, Callable[[], Moving]]] = {
     "hail": {"draft": lambda: hail(2, 200), "paper": lambda: hail(8, 4000)},
 }
 
+TICKS = (2, 4, 8, 16, 32, 64)
 WHOLE, HALF, INTERPOLATED = (
     "whole shutter",
     "interpolated, tree of half-way",
@@ -217,30 +218,26 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:
     figure = new_figure(
         "Trees that follow the motion need fewer nodes than boxes for the whole shutter\n"
-        "thesis, Sect. 4.2 and 4.3\n"
-        "kappa: a triangle is split in time into parts of at most 1 / kappa of its area; in the hail, "
-        "small triangles fly",
-        6.6,
+        "thesis, Sect. 4.2 and 4.3; kappa: a triangle is split in time into parts of at most 1 / kappa of its "
+        "area; in the hail, small triangles fly",
+        3.2,
     )
-    panels = figure.subplots(2, len(found), squeeze=False)
-    for column, (name, of) in enumerate(found.items()):
-        for row, key in enumerate(("expected", "visited")):
-            axes = panels[row, column]
-            _draw_ways(axes, of, key)
-            x, title = ("boxes stored per triangle", "") if row else ("", name)
-            y = "visited nodes per primary ray" if row else "expected nodes per line"
-            name_axes(axes, x, y, title)
-            axes.set_xscale("log", base=2)
-            axes.set_ylim(0, None)
-    legend_below(figure, panels[0, 0], 3)
+    panels = figure.subplots(1, len(found))
+    for axes, (name, of) in zip(panels, found.items(), strict=True):
+        _draw_ways(axes, of)
+        axes.set_xscale("log", base=2)
+        name_axes(axes, "boxes stored per triangle", "", name, ticks=TICKS)
+        axes.set_ylim(0, 1.08 * of[WHOLE].visited)
+    figure.supylabel("nodes visited per primary ray", fontsize=LETTERS)
+    legend_below(figure, panels[0], 3)
     return figure
 
 
-def _draw_ways(axes: Axes, of: dict[str, Way], key: str) -> None:
+def _draw_ways(axes: Axes, of: dict[str, Way]) -> None:
     for kind, (color, marker) in STYLES.items():
         ways = [(name, way) for name, way in of.items() if name.split(": ")[0] == kind]
         values = ", ".join(name.split(": ")[1] for name, _ in ways if ": " in name)
         label = f"{kind}: {values}" if values else kind
-        costs = {way.boxes: getattr(way, key) for _, way in ways}
+        costs = {way.boxes: way.visited for _, way in ways}
         curve(axes, costs, Style(color, marker), ms=5, lw=0.8, label=label)
-    axes.axhline(of[WHOLE]._asdict()[key], color=BLACK, lw=0.6, ls=":")
+    axes.axhline(of[WHOLE].visited, color=BLACK, lw=0.6, ls=":")

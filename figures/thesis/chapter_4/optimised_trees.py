@@ -1,6 +1,6 @@
 """Trees before and after optimisations of their subtrees (Tables 4.2 and 4.3)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -160,42 +160,51 @@ def _rebuild(low: NDArray, high: NDArray, most: int = 8) -> float:
     return total
 
 
-def _area(value: float) -> str:
-    return f"{value:.2f}" if value < 1e4 else f"{value:,.0f}"
-
-
 def _draw_4_2(measured: dict[str, dict[str, Any]]) -> Figure:
     figure = new_figure(
         "Optimising subtrees in place never increases the summed area\n"
-        "thesis, Table 4.2; our meshes, and those of the thesis (Sponza's 9.77 % should read 9.80 %)",
-        4.4,
+        "thesis, Table 4.2; before → after the optimisation\n"
+        "* as printed; 9.80 % by the two areas beside it",
+        4.9,
     )
-    two = "{:.2f}".format
-    formats = (_area, _area, "{:.2f} %".format, str, str, two, two)
-    rows = [["triangles", *(str(of["triangles"]) for of in measured.values()), *[""] * len(PRINTED_4_2)]]
-    for k, (row, form) in enumerate(zip(ROWS, formats, strict=True)):
-        cells = [form(of[row]) for of in measured.values()]
-        label = row.removesuffix(" in percent").replace("summed area before", "summed area before (root: 1)")
-        rows.append([label, *cells, *(form(of[k]) for of in PRINTED_4_2.values())])
+    ours, theirs = figure.subplots(2, 1, height_ratios=[12.8, 6.8])
+    changes = {"summed area": ROWS[:2], "largest depth": ROWS[3:5], "mean leaf depth": ROWS[5:]}
+    rows = [["triangles", *(f"{of['triangles']:,}" for of in measured.values())]]
+    for name, (before, after) in changes.items():
+        rows.append([name, *(_change(of[before], of[after]) for of in measured.values())])
+        if before == ROWS[0]:
+            rows.append(["reduction", *(f"{of[ROWS[2]]:.2f} %" for of in measured.values())])
     for kind in KINDS:
-        for part, form in (("nodes before", "{:.2f}"), ("nodes after", "{:.2f}"), ("reduction", "{:.2f} %")):
-            key = part if part != "reduction" else "reduction in percent"
-            cells = [form.format(of[f"{kind} rays"][key]) for of in measured.values()]
-            rows.append([f"{kind} rays, {part}", *cells, *[""] * len(PRINTED_4_2)])
-    for key in ("processor seconds to build", "processor seconds to optimise"):
-        rows.append([key, *(f"{of[key]:.2f}" for of in measured.values()), *[""] * len(PRINTED_4_2)])
-    heads = [
-        "",
-        *(name.replace("rooms, tessellated", "tessellated") for name in measured),
-        *PRINTED_4_2,
-    ]
-    groups = [
-        ("our meshes", 1, len(measured)),
-        ("thesis, areas in other units", len(measured) + 1, len(heads) - 1),
-    ]
-    widths = [2.4, *[1.0] * len(measured), *[1.2] * len(PRINTED_4_2)]
-    text_table(figure.subplots(), heads, rows, groups, widths)
+        rays = [of[f"{kind} rays"] for of in measured.values()]
+        rows.append([f"nodes, {kind} rays", *(_change(of["nodes before"], of["nodes after"]) for of in rays)])
+        rows.append(["reduction", *(f"{of['reduction in percent']:.2f} %" for of in rays)])
+    for name in ("build", "optimise"):
+        times = [of[f"processor seconds to {name}"] for of in measured.values()]
+        rows.append([f"CPU seconds to {name}", *(f"{time:.2f}" for time in times)])
+    heads = ["", *(name.replace("rooms, ", "") for name in measured)]
+    groups = [("our meshes (areas relative to the root)", 1, len(measured))]
+    text_table(ours, heads, rows, groups, [1.5, *[1.2] * len(measured)])
+    printed = {name: dict(zip(ROWS, of, strict=True)) for name, of in PRINTED_4_2.items()}
+    rows = [["area before", *(_short(of[ROWS[0]]) for of in printed.values())]]
+    rows.append(["area after", *(_short(of[ROWS[1]]) for of in printed.values())])
+    wrong = next(iter(printed))
+    rows.append(
+        ["reduction", *(f"{of[ROWS[2]]:.2f} %{'*' * (name == wrong)}" for name, of in printed.items())]
+    )
+    for name, (before, after) in list(changes.items())[1:]:
+        rows.append([name, *(_change(of[before], of[after]) for of in printed.values())])
+    groups = [("meshes of the thesis", 1, len(printed))]
+    text_table(theirs, ["", *printed], rows, groups, [1.5, *[1.0] * len(printed)])
     return figure
+
+
+def _change(before: float, after: float) -> str:
+    form = "{}" if isinstance(before, int) else "{:.2f}"
+    return f"{form.format(before)} → {form.format(after)}"
+
+
+def _short(value: float) -> str:
+    return f"{value:,.0f}" if value < 1e7 else f"{value / 1e6:.1f}e6"
 
 
 SIDE_4_3 = {"draft": 24, "paper": 96}
@@ -298,23 +307,25 @@ def _until_nothing_changes(tree: trees.Tree) -> list[float]:
 
 def _draw_4_3(measured: dict[str, dict[str, Any]]) -> Figure:
     figure = new_figure(
-        "Further runs of the optimisation gain less than the first one\nthesis, Table 4.3; our meshes",
-        3.9,
+        "Further runs of the optimisation gain less than the first one\nthesis, Table 4.3; our meshes", 2.9
     )
-    reduced = [f"{r:.2f} %" for r in PRINTED_4_3["reduction in percent"]]
-    depth = [f"{PRINTED_4_3['mean leaf depth'][k]:.2f}" for k in (0, 1, 2, 4)]
-    rows = [["thesis: power plant, 10 levels", "13.63e12", *reduced, *depth, *["–"] * 4]]
+    reduced = PRINTED_4_3["reduction in percent"]
+    depth = PRINTED_4_3["mean leaf depth"]
+    rows = [["thesis: power plant, 10", *_two(reduced), _change(depth[0], depth[-1]), "–", "–", "–"]]
     for name, of in measured.items():
-        reduced = [f"{r:.2f} %" for r in of["reduction in percent"]]
         depth, nodes = of["mean leaf depth"], of["nodes a primary ray visits"]
-        few = [f"{depth[k]:.2f}" for k in (0, 1, 2, 4)] + [f"{nodes[k]:.2f}" for k in (0, 1, 2, 4)]
-        rows.append([name, f"{of['summed area'][0]:.2f}", *reduced, *few])
+        changes = [*_two(of["reduction in percent"]), _change(depth[0], depth[-1]), *_two(nodes[:3])]
+        rows.append([name.removesuffix(" levels"), *changes])
     runs = [f"run {k}" for k in range(1, RUNS + 1)]
-    heads = ["mesh, levels", "before", *runs, *("before", "run 1", "run 2", "run 4") * 2]
+    heads = ["mesh, levels", *runs, f"{RUNS} runs", "before", "run 1", "run 2"]
     groups = [
-        ("summed area, and by what each run reduces it", 1, 5),
-        ("mean leaf depth", 6, 9),
-        ("nodes of a primary ray", 10, 13),
+        ("reduction of the summed area, %", 1, 4),
+        ("mean leaf depth", 5, 5),
+        ("nodes of a primary ray", 6, 8),
     ]
-    text_table(figure.subplots(), heads, rows, groups, [3.0, 1.3, *[1.0] * 12])
+    text_table(figure.subplots(), heads, rows, groups, [2.4, *[0.85] * 4, 1.7, *[1.0] * 3])
     return figure
+
+
+def _two(values: Sequence[float]) -> list[str]:
+    return [f"{value:.2f}" for value in values]

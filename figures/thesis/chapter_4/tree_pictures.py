@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLUE, ORANGE
-from figures.shared.sheets.image_sheets import Panel, image_grid
+from figures.shared.sheets.image_sheets import Row, image_sheet
 from figures.shared.sheets.panels import new_figure
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, trace
 
-SIDE_4_1 = {"draft": 48, "paper": 288}
+SIDE_4_1 = {"draft": 54, "paper": 189}
 
 NOTE_4_1 = (
     "{side} x {side} rays through pixel centres; a node counts if its box is entered on the way to the "
@@ -32,7 +32,9 @@ NOTE_4_1 = (
 def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Count visited nodes in each pixel through both trees of each mesh."""
     side = SIDE_4_1[quality]
-    panels, measured = [], {}
+    images: dict[str, dict[str, NDArray]] = {"before": {}, "after": {}, "after - before": {}}
+    captions: dict[str, dict[str, str]] = {row: {} for row in images}
+    measured = {}
     for done, name in enumerate(meshes.MESHES, start=1):
         mesh = meshes.made(name, quality)
         rays = Rays(*meshes.camera_rays(mesh, side))
@@ -54,18 +56,20 @@ def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
             "pixels with fewer": float(np.mean(change < 0)),
             "pixels with more": float(np.mean(change > 0)),
         }
-        for when, visits in (("before", before), ("after", after)):
-            caption = f"{name}: {when}\nmean {visits.mean():.2f}, yellow {nodes:.0f} nodes"
-            panels.append(Panel(caption, _false(visits / nodes)))
-        caption = (
-            f"after - before: {100 * (after.mean() / before.mean() - 1):+.2f} %\n"
-            f"blue -{most:.0f}, red +{most:.0f}"
+        column = name.replace("rooms, ", "")
+        drawn = _false(before / nodes), _false(after / nodes), _false(0.5 + 0.5 * change / most, "RdBu_r")
+        texts = (
+            f"mean {before.mean():.2f}",
+            f"mean {after.mean():.2f}",
+            f"{100 * (after.mean() / before.mean() - 1):+.1f} %, red +{most:.0f}",
         )
-        panels.append(Panel(caption, _false(0.5 + 0.5 * change / most, "RdBu_r")))
+        for row, image, text in zip(images, drawn, texts, strict=True):
+            images[row][column], captions[row][column] = image, text
         progress(done / len(meshes.MESHES))
     title = (
-        "The optimised tree lets rays visit fewer nodes, except on the terrain\n"
-        f"thesis, Fig. 4.1; nodes visited per ray, our meshes, {side} x {side} pixels"
+        "Optimised trees save rays most nodes in the tessellated rooms, few elsewhere\n"
+        "thesis, Fig. 4.1; nodes visited per ray, from purple (few) to yellow (many); what the optimisation "
+        "changes, from blue (fewer) to red (more); our meshes"
     )
     claims = {
         "fewer nodes are traversed after the optimisation, on average over the picture": {
@@ -76,7 +80,8 @@ def thesis_4_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         },
     }
     numbers = {"measured": measured, "claims": claims, "note": NOTE_4_1.format(side=side)}
-    return image_grid(title, panels, 3), numbers
+    rows = {row: Row(of, captions=captions[row]) for row, of in images.items()}
+    return image_sheet(title, rows), numbers
 
 
 def _false(part: NDArray, colors: str = "viridis") -> NDArray[np.float64]:
@@ -181,26 +186,26 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     split = slant["heuristic"]
     worst = max(side["clusters"], key=lambda c: sum(c.areas))
     figure = new_figure(
-        "2-means can join what the surface area heuristic separates\n"
-        "thesis, Fig. 4.2 and 4.3\n"
-        "areas of the boxes over that of all; cost: by the surface area heuristic (Eq. 4.1); overlap: "
-        "part of the smaller box",
-        6.4,
+        "Boxes of 2-means clusters overlap far more than those of the surface area heuristic\n"
+        "thesis, Fig. 4.2 and 4.3; cost: by the surface area heuristic (Eq. 4.1); overlap: part of the "
+        "smaller box; above, 2-means separate object A from B, the heuristic divides B",
+        4.9,
     )
-    panels = figure.subplots(2, 3)
+    panels = figure.subplots(2, 2, height_ratios=[1, 0.62])
     above = {
-        "objects A and B": slant["objects"],
         "2-means, Euclidean norm": slant["clusters"][0],
         "surface area heuristic": slant["heuristic"],
     }
     below = {
-        "both ellipses": side["objects"],
-        "2-means, largest coordinate, worst pair": worst,
+        "2-means, largest coordinate, worst seeds": worst,
         "surface area heuristic": side["heuristic"],
     }
     for row, boxes, parts in zip(panels, (slanted, beside), (above, below), strict=True):
         for axes, (title, of) in zip(row, parts.items(), strict=True):
             _draw(axes, title, boxes[0], boxes[1], of)
+    for axes in panels[0]:
+        axes.text(0.25, 0.88, "A", va="center")
+        axes.text(0.62, 0.5, "B", va="center")
     a, b = (_box_of(slanted, part) for part in (False, True))
     measured = {
         "Fig. 4.2": {
@@ -253,7 +258,6 @@ def _draw(axes: Axes, title: str, low: NDArray, high: NDArray, of: Parts) -> Non
         axes.plot(middle[:, 0], middle[:, 1], ".", color=color, ms=3)
         corner, far = low[part].min(axis=0), high[part].max(axis=0)
         axes.add_patch(Rectangle((corner[0], corner[1]), *(far - corner)[:2], fill=False, ec=color, lw=1.6))
-    numbers = f"areas {of.areas[0]:.2f} + {of.areas[1]:.2f}, cost {of.cost:.2f}, overlap {of.overlap:.2f}"
-    axes.set_title(f"{title}\n{numbers}", fontsize=9)
-    axes.set(aspect="equal", xlim=(-0.08, 1.08), ylim=(-0.06, 1.06))
+    axes.set_title(f"{title}\ncost {of.cost:.2f}, overlap {of.overlap:.2f}")
+    axes.set(aspect="equal", xlim=(-0.06, 1.06))
     axes.set_axis_off()

@@ -13,7 +13,7 @@ from figures._errors import rms
 from figures.making.schema import Found
 from figures.shared import judged
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.image_sheets import GAP, Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from figures.shared.sheets.panels import name_axes
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -27,8 +27,8 @@ COMPONENTS = 64
 SHOWN = 30
 """The lower one of the two components of the points and images that are shown."""
 POINTS = 256
-WIDTH = 512
-"""Pixels of the picture that an image is wide, in either quality."""
+BELOW = 720
+"""Pixels below the images, for points and errors."""
 M = 12
 ALONG, OVER = "along the Hilbert curve", "over the screen"
 COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
@@ -81,28 +81,26 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for name, matrices in choices.items()
     }
 
-    panels = [
-        Panel(f"{name}, {spp} spp, Hilbert curve,\nlight by components {SHOWN} and {SHOWN + 1}", image)
-        for name, image in images.items()
-    ]
+    panels = [Panel(f"{name}, {spp} spp", image) for name, image in images.items()]
     title = (
         "Joe and Kuo's direction numbers halve the filtered error along a Hilbert curve\n"
-        "thesis, Fig. 5.4; initial direction numbers of the Sobol' sequence"
+        "thesis, Fig. 5.4; initial direction numbers of the Sobol' sequence; soft shadow along the Hilbert "
+        f"curve, its light sampled by components {SHOWN} and {SHOWN + 1}, and {POINTS} points of these"
     )
-    figure = image_grid(title, panels, 2, below=1290)
-    for k, (name, matrices) in enumerate(choices.items()):
+    figure = image_grid(title, panels, 3, below=BELOW)
+    corners = [axes.get_window_extent() for axes in figure.axes]
+    for (name, matrices), box in zip(choices.items(), corners, strict=True):
         shown = point_plots.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
-        axes = add_axes(figure, 34 + k * (WIDTH + GAP), 760, WIDTH - 40, WIDTH - 40)
-        text = f"components {SHOWN} and {SHOWN + 1}, {POINTS} points"
-        point_plots.scatter(axes, shown, text, color=COLORS[name])
-    for k, (way, of) in enumerate((way, filtered[way]) for way in (ALONG, OVER)):
-        axes = add_axes(figure, 140, 420 - 350 * k, 2 * WIDTH - 140, 240)
-        for name, errors in of.items():
-            axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name], label=name)
-        name_axes(axes, "component of the light", "filtered error", log="y", few_decades=True)
-        axes.set_title(f"{way}, {spp} spp", loc="left")
-        if k == 1:  # where the title leaves room
-            axes.legend(frameon=False, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2)
+        axes = add_axes(figure, box.x0 + 30, 80, box.width - 30, box.width - 30)
+        point_plots.scatter(axes, shown, color=COLORS[name])
+    box = corners[0]
+    for way, bottom in ((ALONG, box.y0), (OVER, 80)):
+        axes = add_axes(figure, figure.bbox.width - 540, bottom, 520, box.height - 30)
+        for name, errors in filtered[way].items():
+            axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name])
+        name_axes(axes, "component of the light", "filtered error", way, log="y", few_decades=True)
+        axes.tick_params(labelbottom=way == OVER)
+        axes.xaxis.label.set_visible(way == OVER)
     ones, chosen = (float(np.mean(t)) for t in t_values.values())
     measured = {
         "t of pairs": {name: {"mean": float(np.mean(t)), "largest": max(t)} for name, t in t_values.items()},

@@ -4,14 +4,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
 from figures.shared.sheets.image_sheets import Panel, image_grid
-from figures.shared.sheets.panels import curve, name_axes, new_figure
+from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure, text_table
 from qmcjax import sequences
 
 PRINTED = {
@@ -68,26 +67,7 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         progress((m - 1) / len(SIZES))
 
     relative = {name: _relative(values) for name, values in measured.items()}
-    figure = new_figure(
-        "Of all nets compared, permutation nets have the largest minimum distance\n"
-        "thesis, Fig. 5.21 and Table 5.1; (0,m,2)-nets in base 2",
-        9,
-    )
-    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 0.8], squeeze=False)[:, 0]
-    absolute, packed = upper.subplots(1, 2)
-    for name, values in measured.items():
-        drawn = STYLES.get(name) or plot.style(name)
-        for axes, of in ((absolute, np.sqrt(values) / 2.0 ** np.array(SIZES)), (packed, relative[name])):
-            curve(axes, dict(zip(SIZES, of, strict=True)), drawn, ms=5, lw=1.2, label=LABELS.get(name, name))
-    x = "m (the net has $2^m$ points)"
-    name_axes(absolute, x, "toroidal minimum distance on the unit square", log="y", ticks=SIZES)
-    name_axes(packed, x, "minimum distance / that of the densest packing", ticks=SIZES)
-    packed.set_ylim(0, 1.04)
-    packed.axhline(1, color="0.6", lw=0.8)
-    packed.annotate("hexagonal lattice", (SIZES[-1], 1), va="bottom", ha="right", fontsize=8, color="0.4")
-    upper.legend(*absolute.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
     misprints = _misprints()
-    _draw_table(lower.subplots(), measured, misprints)
     numbers = {
         "measured": {
             **_by_size(measured),
@@ -98,7 +78,7 @@ def thesis_5_21(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "claims": _claims(measured, misprints),
         "note": NOTE,
     }
-    return figure, numbers
+    return _draw(measured, relative, misprints), numbers
 
 
 def _by_size(found: Mapping[str, Sequence[float]]) -> dict[str, dict[str, float]]:
@@ -143,30 +123,43 @@ def _claims(measured: dict[str, list[int]], misprints: dict[str, str]) -> dict[s
     }
 
 
-def _draw_table(axes: Axes, measured: dict[str, list[int]], misprints: dict[str, str]) -> None:
-    axes.axis("off")
+def _draw(
+    measured: dict[str, list[int]], relative: dict[str, list[float]], misprints: dict[str, str]
+) -> Figure:
+    figure = new_figure(
+        "Of all nets compared, permutation nets have the largest minimum distance\n"
+        "thesis, Fig. 5.21 and Table 5.1; (0,m,2)-nets in base 2",
+        6.3,
+    )
+    upper, lower = figure.subfigures(2, 1, height_ratios=[1, 1.1], squeeze=False)[:, 0]
+    absolute, packed = upper.subplots(1, 2)
+    for name, values in measured.items():
+        drawn = STYLES.get(name) or plot.style(name)
+        for axes, of in ((absolute, np.sqrt(values) / 2.0 ** np.array(SIZES)), (packed, relative[name])):
+            curve(axes, dict(zip(SIZES, of, strict=True)), drawn, lw=1.2, label=LABELS.get(name, name))
+    x = "m (the net has $2^m$ points)"
+    name_axes(absolute, x, "toroidal minimum distance", log="y", ticks=SIZES[::2])
+    name_axes(packed, x, "minimum distance / densest packing's", ticks=SIZES[::2])
+    packed.set_ylim(0, 1.12)
+    packed.axhline(1, color="0.6", lw=0.8)
+    packed.annotate("hexagonal lattice", (SIZES[-1], 1.01), va="bottom", ha="right", color="0.4")
+    legend_below(upper, absolute, 3)
+    heads = ["m", "Hammersley", "Larcher-P.", "ours", "thesis", "sheared", "not sheared"]
+    names = ["Hammersley", "Larcher-Pillichshammer", "optimised matrices", "", *list(measured)[-2:]]
     rows = []
     for k, m in enumerate(SIZES):
         row = [str(m)]
-        for name, values in measured.items():
-            printed = PRINTED[name][k] if name in PRINTED else values[k]
-            differs = "*" if f"{name}, m = {m}" in misprints else ""
-            if printed != values[k]:
-                differs += rf"  (thesis: $\sqrt{{{printed}}}$)"
-            row.append(rf"$\sqrt{{{values[k]}}}/2^{{{m}}} = {np.sqrt(values[k]) / 2**m:.8f}${differs}")
+        for name in names:
+            value = measured[name][k] if name else PRINTED["optimised matrices"][k]
+            row.append(f"{value}{'*' if f'{name}, m = {m}' in misprints else ''}")
         rows.append(row)
-    table = axes.table(
-        rows,
-        colLabels=["m", *(LABELS.get(name, name) for name in measured)],
-        colWidths=[0.04, 0.17, 0.19, 0.24, 0.18, 0.18],
-        loc="center",
+    table = lower.subplots()
+    groups = [("optimised matrices", 3, 4), ("permutation", 5, 6)]
+    text_table(table, heads, rows, groups, [0.5, *[1.0] * 6])
+    table.set_title(
+        "squared distances times $2^{2m}$ (*: the decimals printed beside it in the thesis are wrong)"
     )
-    table.auto_set_font_size(False)
-    table.set_fontsize(8)
-    table.scale(1, 1.05)
-    axes.set_title(
-        "Table 5.1, measured, with the thesis's root where it differs (*: decimals are misprinted there)"
-    )
+    return figure
 
 
 NETS_5_22 = {
@@ -176,7 +169,7 @@ NETS_5_22 = {
     "permutation, m = 10": (sequences.permutation_net, 10),
     "permutation, m = 11": (sequences.permutation_net, 11),
 }
-HIGHEST = 128
+HIGHEST, HIGHEST_SHOWN = 128, 64
 LARGEST_SHOWN = 32.0
 SHARE = "share of power in the strongest 1 % of frequencies"
 
@@ -188,20 +181,19 @@ def thesis_5_22(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     for k, (name, (net, m)) in enumerate(NETS_5_22.items()):
         spectrum = np.array(analysis.point_spectrum(point_plots.block(net(m), 2**m), 2 * HIGHEST + 1))
         spectrum[0, 0] = 0.0
-        measured[name] = of = _statistics(spectrum, 2**m)
-        caption = (
-            f"{LABELS.get(name, name)}, {2**m} points\nhighest P = {of['highest power / n']:.2f} n,\n"
-            f"{of[SHARE]:.0%} of the power in the strongest 1 % of frequencies"
-        )
+        measured[name] = _statistics(spectrum, 2**m)
         # Frequencies upward, as the thesis draws points.
-        panels.append(Panel(caption, np.fft.fftshift(spectrum)[::-1], (0.0, LARGEST_SHOWN)))
+        middle = slice(HIGHEST - HIGHEST_SHOWN, HIGHEST + HIGHEST_SHOWN + 1)
+        shown = np.fft.fftshift(spectrum)[::-1][middle, middle]
+        panels.append(Panel(LABELS.get(name, name), shown, (0.0, LARGEST_SHOWN)))
         progress((k + 1) / len(NETS_5_22))
     title = (
-        "Spectra of permutation nets have peaks above half of a lattice's\n"
-        f"thesis, Fig. 5.22; P of white noise is 1\n|k| up to {HIGHEST} along both "
-        f"axes, 0 in the middle; black is P = 0, white from {LARGEST_SHOWN:g} on"
+        "Peaks in the spectra of permutation nets are almost as high as a lattice's\n"
+        f"thesis, Fig. 5.22; power P at frequencies up to {HIGHEST_SHOWN} along both axes, 0 in the middle: "
+        f"black is 0, white from {LARGEST_SHOWN:g} on; P of white noise is 1, of a lattice's peaks n"
     )
-    figure = image_grid(title, panels, 3)
+    figure = image_grid(title, panels, 3, below=90)
+    _draw_peaks(figure, measured)
     permutations = [name for name in NETS_5_22 if name.startswith("permutation")]
     numbers = {
         "measured": measured,
@@ -219,6 +211,18 @@ def thesis_5_22(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "neither the range of frequencies nor the scale of its pictures.",
     }
     return figure, numbers
+
+
+def _draw_peaks(figure: Figure, measured: Mapping[str, Mapping[str, float]]) -> None:
+    """Draw how high the peaks of all spectra are, where a sixth image would be."""
+    right, lower = (figure.axes[k].get_position() for k in (2, 3))
+    axes = figure.add_axes((right.x0 + 0.02, lower.y0, right.width - 0.04, lower.height))
+    for k, (name, of) in enumerate(measured.items()):
+        axes.barh(k, of["highest power / n"], color=plot.style(name.partition(",")[0]).color, height=0.4)
+        axes.text(0, k - 0.25, LABELS.get(name, name), va="bottom")
+    axes.axvline(1, color="0.6", lw=0.8)
+    axes.invert_yaxis()
+    axes.set(yticks=[], xlabel="highest P / n (lattice: 1)")
 
 
 def _statistics(spectrum: np.ndarray, n: int) -> dict[str, float]:

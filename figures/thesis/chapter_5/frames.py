@@ -1,6 +1,6 @@
 """One sample per pixel and frame: padded replications, Sobol' sequence (thesis Fig. 5.10 to 5.12)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +11,7 @@ import analysis
 import qmcjax as qj
 from figures.making.schema import Claims
 from figures.shared.sheets import point_plots
+from figures.shared.sheets.panels import new_figure
 from qmcjax import samplers, scenes, sequences
 
 SIDE, INSTANCES = 8, 4
@@ -49,12 +50,12 @@ def thesis_5_11(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
     title = (
         "Shifts keep the minimum distance of a net, but not its elementary intervals\n"
-        "thesis, Fig. 5.11; padded replications: one net, shifted by whole pixels and jittered"
+        "thesis, Fig. 5.11; padded replications: one net, shifted by whole pixels and jittered; t = 0: a net"
     )
-    return draw_sets(title, "instance", instances), {
+    return _draw(title, "instance", instances), {
         "measured": measured,
         "claims": _claims(measured, [point_plots.holds_one_each(i, 6) for i in instances]),
-        "note": "Toroidal distances; D* is the star discrepancy. The net is Larcher and Pillichshammer's, "
+        "note": "Toroidal minimum distances. The net is Larcher and Pillichshammer's, "
         "as in the programs of the thesis, which does not give the shifts. These keep distances, "
         "but not all elementary intervals. "
         f"Errors: {SCREEN} x {SCREEN} pixels, shifts and jitter of the Halton sequence against random ones, "
@@ -62,27 +63,34 @@ def thesis_5_11(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
 
 
-def draw_sets(title: str, name: str, sets: list[NDArray[np.float64]], middle: float = 0.0) -> Figure:
-    """Draw sets of points over the pixels, and all of them together, with their measures.
+def _draw(title: str, name: str, sets: list[NDArray[np.float64]], middle: float = 0.0) -> Figure:
+    """Draw sets of points over the pixels, moved by ``middle``, and all of them, with their measures."""
+    together = np.concatenate(sets)
+    return draw_sets(
+        title,
+        {f"{name} {k}\n{_quality(points)}": points + middle for k, points in enumerate(sets)},
+        f"superimposed: {_quality(together)}",
+        (SIDE, SIDE),
+    )
 
-    ``middle`` is what is added so that points are drawn in the middle of their cells.
-    """
-    figure, axes = point_plots.panels(len(sets) + 1, title)
-    for k, points in enumerate(sets):
-        point_plots.scatter(axes[k], points + middle, f"{name} {k}, {_quality(points)}", color=f"C{k}")
-        point_plots.scatter(axes[-1], points + middle, color=f"C{k}")
-    axes[-1].set_title(f"superimposed, {_quality(np.concatenate(sets))}")
-    for panel in axes:
-        point_plots.grid(panel, SIDE, SIDE)
+
+def draw_sets(
+    title: str, sets: Mapping[str, NDArray[np.float64]], all_of: str, cells: Sequence[int]
+) -> Figure:
+    """Draw four sets of points with their captions, and large all of them together, over cells of both."""
+    figure = new_figure(title, 4.3)
+    panels = figure.subplot_mosaic("abee;cdee", width_ratios=[1, 1, 1.15, 1.15])
+    for letter, (caption, points) in zip("abcd", sets.items(), strict=True):
+        color = f"C{'abcd'.index(letter)}"
+        point_plots.scatter(panels[letter], points, caption, color=color, ms=3)
+        point_plots.scatter(panels["e"], points, all_of, color=color, ms=4)
+        point_plots.grid(panels[letter], cells[0], cells[0])
+    point_plots.grid(panels["e"], cells[-1], cells[-1])
     return figure
 
 
 def _quality(points: NDArray[np.float64]) -> str:
-    distance = analysis.nearest_statistics(points).relative_minimum
-    return (
-        f"t = {analysis.t_value(points)}, D* = {analysis.star_discrepancy(points):.4f}\n"
-        f"minimum distance {analysis.min_distance(points):.4f},\n{distance:.3f} of a hexagonal lattice's"
-    )
+    return f"t = {analysis.t_value(points)}, distance {analysis.min_distance(points):.4f}"
 
 
 def _claims(measured: dict, is_net: list[bool]) -> Claims:
@@ -146,9 +154,10 @@ def thesis_5_12(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
     title = (
         "Frames of the Sobol' sequence are nets, superimposed a larger net\n"
-        "thesis, Fig. 5.10 and 5.12; one sample per pixel in each frame"
+        "thesis, Fig. 5.10 and 5.12; one sample per pixel in each frame; t = 0: a net"
     )
-    return draw_sets(title, "frame", frames, middle=0.5 / len(together)), {
+    # In the middle of the cells of all points.
+    return _draw(title, "frame", frames, 0.5 / len(together)), {
         "measured": measured,
         "claims": {
             "one sample in each pixel, and each set well stratified: each frame is a (0,6,2)-net": {
@@ -163,7 +172,7 @@ def thesis_5_12(quality: str, progress: Callable[[float], None]) -> tuple[Figure
             ),
         },
         "note": "The index follows from pixel and frame by solving linear equations over F2, without tables. "
-        "Distances are toroidal; D* is the star discrepancy.",
+        "Minimum distances are toroidal.",
     }
 
 

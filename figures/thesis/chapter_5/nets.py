@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
+from figures.thesis.chapter_5.frames import draw_sets
 from qmcjax import sequences
 
 M_5_2 = 4
@@ -26,7 +27,7 @@ def thesis_5_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     )
     for i, panel in enumerate(axes):
         point_plots.grid(panel, 2 ** (M_5_2 - i), 2**i)
-        point_plots.scatter(panel, points, f"1/{2 ** (M_5_2 - i)} wide, 1/{2**i} high")
+        point_plots.scatter(panel, points, f"{_part(M_5_2 - i)} wide, {_part(i)} high")
     return figure, {
         "measured": {"t": analysis.t_value(points)},
         "claims": {
@@ -34,6 +35,10 @@ def thesis_5_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         },
         "note": "The net of the thesis's figure is not named; this is the Larcher-Pillichshammer net.",
     }
+
+
+def _part(halvings: int) -> str:
+    return f"1/{2**halvings}" if halvings else "1"
 
 
 M_5_3, BLOCKS = 6, 4
@@ -45,17 +50,12 @@ def thesis_5_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     blocks = [point_plots.block(seq, 2**M_5_3, k * 2**M_5_3) for k in range(BLOCKS)]
     # In the middle of the cells of all points.
     drawn = [points + 0.5 / (BLOCKS * 2**M_5_3) for points in blocks]
-    figure, axes = point_plots.panels(
-        BLOCKS + 1, "Blocks of the Sobol' (0,2)-sequence are nets, and so is their union\nthesis, Fig. 5.3"
+    figure = draw_sets(
+        "Blocks of the Sobol' (0,2)-sequence are nets, and so is their union\nthesis, Fig. 5.3",
+        {f"points {k * 2**M_5_3} to {(k + 1) * 2**M_5_3 - 1}": points for k, points in enumerate(drawn)},
+        f"all {BLOCKS * 2**M_5_3} points",
+        (2 ** (M_5_3 // 2), 2 ** (M_5_3 // 2 + 1)),
     )
-    for k, panel in enumerate(axes[:-1]):
-        point_plots.grid(panel, 2 ** (M_5_3 // 2), 2 ** (M_5_3 // 2))
-        point_plots.scatter(
-            panel, drawn[k], f"points {k * 2**M_5_3} to {(k + 1) * 2**M_5_3 - 1}", color=f"C{k}"
-        )
-    point_plots.grid(axes[-1], 2 ** (M_5_3 // 2 + 1), 2 ** (M_5_3 // 2 + 1))
-    for k in range(BLOCKS):
-        point_plots.scatter(axes[-1], drawn[k], "superimposed", color=f"C{k}")
     together = np.concatenate(blocks)
     return figure, {
         "measured": {
@@ -81,12 +81,13 @@ def thesis_5_3_2(quality: str, progress: Callable[[float], None]) -> tuple[Figur
     figure, axes = point_plots.panels(
         12,
         "Permutation nets in three dimensions have the printed distances\n"
-        "thesis, Sect. 5.3.2; $P_2$ to $P_5$ in the three planes",
-        columns=3,
+        "thesis, Sect. 5.3.2; $P_2$ to $P_5$ in the three planes, and their squared distances",
+        columns=4,
+        shape=0.95,
     )
     measured: dict[str, dict] = {}
     planar: dict[str, dict[str, bool]] = {}
-    for row, m in enumerate(PRINTED_5_3_2):
+    for column, m in enumerate(PRINTED_5_3_2):
         net = sequences.permutation_net_3d(m)
         words = point_plots.words(net, m)
         points = words / 2**m
@@ -95,11 +96,12 @@ def thesis_5_3_2(quality: str, progress: Callable[[float], None]) -> tuple[Figur
             f"{'xyz'[a]}{'xyz'[b]}": point_plots.holds_one_each(points[:, [a, b]], m) for a, b in PLANES
         }
         measured[f"P_{m}"] = {"squared distance": squared, "t": analysis.t_value(points)}
-        for column, (a, b) in enumerate(PLANES):
-            panel = axes[3 * row + column]
+        for row, (a, b) in enumerate(PLANES):
+            panel = axes[len(PRINTED_5_3_2) * row + column]
             point_plots.grid(panel, 2**m, 2**m)
-            title = f"$P_{m}$, {'xyz'[a]}{'xyz'[b]}, squared distance {squared} / $2^{{{2 * m}}}$"
-            point_plots.scatter(panel, (words[:, [a, b]] + 0.5) / 2**m, title)
+            head = "" if row else f"$P_{m}$: {squared} / $2^{{{2 * m}}}$\n"
+            title = f"{head}{'xyz'[a]} and {'xyz'[b]}"
+            point_plots.scatter(panel, (words[:, [a, b]] + 0.5) / 2**m, title, ms=3)
     return figure, {
         "measured": measured,
         "printed": {
@@ -238,7 +240,9 @@ def thesis_5_23(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         for way, sets in (("scrambled", scrambled), ("rotated", rotated))
     }
     is_net = {key: point_plots.holds_one_each(points, M_5_23) for key, points in scrambled.items()}
-    figure = _draw({"not scrambled": unscrambled, **_named("Owen", scrambled), **_named("rotated", rotated)})
+    # The thesis draws four scramblings, and no rotation.
+    sets = {"not scrambled": unscrambled} | {f"Owen, {key}": points for key, points in scrambled.items()}
+    figure = _draw(sets | {"rotated": rotated["key 0"]})
     return figure, {
         "measured": {
             **{key: {"minimum distance": distance} for key, distance in distances["scrambled"].items()},
@@ -263,21 +267,15 @@ def thesis_5_23(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     }
 
 
-def _named(way: str, sets: dict[str, NDArray]) -> dict[str, NDArray]:
-    """Return the sets that are drawn: the thesis draws four scramblings, and no rotation."""
-    shown = KEYS if way == "Owen" else KEYS - 1
-    return {f"{way}, {key}": points for key, points in list(sets.items())[:shown]}
-
-
 def _draw(sets: dict[str, NDArray]) -> Figure:
     title = (
         "Owen scrambling keeps the net but not its distance, a rotation the reverse\n"
         "thesis, Fig. 5.23; the (0,6,2)-permutation net"
     )
-    figure, axes = point_plots.panels(len(sets), title, columns=4)
+    figure, axes = point_plots.panels(len(sets), title, columns=3)
     for panel, (name, points) in zip(axes, sets.items(), strict=True):
         distance = analysis.min_distance(points)
-        text = f"{name}\ndistance {distance:.4f}, one in {_occupied(points):.0%} of intervals"
+        text = f"{name}: distance {distance:.4f},\none point in {_occupied(points):.0%} of intervals"
         point_plots.grid(panel, 2 ** (M_5_23 // 2), 2 ** (M_5_23 // 2))
         point_plots.scatter(panel, points, text, color=plot.style("permutation").color)
     return figure

@@ -49,6 +49,7 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         6,
         "The iterative construction gives a (0,9,2)-net of squared distance $2^9$\nthesis, Fig. 5.14",
         columns=3,
+        shape=0.5,
     )
     net = construct(axes, range(1, M_5_14 + 1, 2), unwrapped_odd, 2)
     squared = analysis.squared_min_distance(net, side=2**M_5_14)
@@ -117,7 +118,9 @@ def unwrapped_even(m: int) -> NDArray[np.int64]:
 def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the point sets for m = 4, 6, 8, and the last one wrapped."""
     figure, axes = point_plots.panels(
-        4, "The iterative construction gives a (0,8,2)-net of squared distance 241\nthesis, Fig. 5.17"
+        4,
+        "The iterative construction gives a (0,8,2)-net of squared distance 241\nthesis, Fig. 5.17",
+        shape=0.8,
     )
     net = construct(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
     squared = analysis.squared_min_distance(net, side=2**M_5_17, shear=2 ** (M_5_17 - 2))

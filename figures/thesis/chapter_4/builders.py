@@ -181,6 +181,7 @@ def _draw(measured: dict[str, dict[str, Any]], ways: list[str]) -> Figure:
         axes.axvline(1, color="0.4", lw=0.8)
         name_axes(axes, name)
     panels[0].set_yticks(range(len(ways)), ways)
+    panels[0].set_ylabel("how the tree is built")
     panels[0].invert_yaxis()
     legend_below(figure, panels[0], 3)
     return figure

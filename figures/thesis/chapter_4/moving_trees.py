@@ -218,8 +218,8 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:
     figure = new_figure(
         "Trees that follow the motion need fewer nodes than boxes for the whole shutter\n"
-        "thesis, Sect. 4.2 and 4.3; kappa: a triangle is split in time into parts of at most 1 / kappa of its "
-        "area; in the hail, small triangles fly",
+        "thesis, Sect. 4.2 and 4.3; kappa: a triangle is split in time into parts of at most 1 / kappa of "
+        "its area; in the hail, small triangles fly",
         3.2,
     )
     panels = figure.subplots(1, len(found))

@@ -27,7 +27,7 @@ COMPONENTS = 64
 SHOWN = 30
 """The lower one of the two components of the points and images that are shown."""
 POINTS = 256
-BELOW = 720
+BELOW = 750
 """Pixels below the images, for points and errors."""
 M = 12
 ALONG, OVER = "along the Hilbert curve", "over the screen"
@@ -91,10 +91,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     corners = [axes.get_window_extent() for axes in figure.axes]
     for (name, matrices), box in zip(choices.items(), corners, strict=True):
         shown = point_plots.block(sequences.digital(matrices[[SHOWN, SHOWN + 1]]), POINTS)
-        axes = add_axes(figure, box.x0 + 30, 80, box.width - 30, box.width - 30)
+        axes = add_axes(figure, box.x0 + 30, 110, box.width - 30, box.width - 30)
         point_plots.scatter(axes, shown, color=COLORS[name])
     box = corners[0]
-    for way, bottom in ((ALONG, box.y0), (OVER, 80)):
+    for way, bottom in ((ALONG, box.y0), (OVER, 110)):
         axes = add_axes(figure, figure.bbox.width - 540, bottom, 520, box.height - 30)
         for name, errors in filtered[way].items():
             axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name])

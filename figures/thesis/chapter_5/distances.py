@@ -139,7 +139,7 @@ def _draw(
             curve(axes, dict(zip(SIZES, of, strict=True)), drawn, lw=1.2, label=LABELS.get(name, name))
     x = "m (the net has $2^m$ points)"
     name_axes(absolute, x, "toroidal minimum distance", log="y", ticks=SIZES[::2])
-    name_axes(packed, x, "minimum distance / densest packing's", ticks=SIZES[::2])
+    name_axes(packed, x, "distance / densest packing's", ticks=SIZES[::2])
     packed.set_ylim(0, 1.12)
     packed.axhline(1, color="0.6", lw=0.8)
     packed.annotate("hexagonal lattice", (SIZES[-1], 1.01), va="bottom", ha="right", color="0.4")

@@ -117,7 +117,7 @@ def thesis_5_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
 
     figure = new_figure(
         "A search finds matrices of larger distance than those with a pattern\n"
-        "thesis, Fig. 5.6 to 5.8; matrices of (0,2)-sequences, zeros dark (P: Pascal's triangle, U: of ones)\n"
+        "thesis, Fig. 5.6 to 5.8; matrices of (0,2)-sequences, zeros dark; P: Pascal's triangle, U: ones\n"
         f"below: their first {2**M_5_7} points, and squared minimum distances times $2^{{{2 * M_5_7}}}$",
         4.6,
     )

@@ -18,6 +18,7 @@ extensions = [
     "numpydoc",
     "figures.docs.ledger_page",
     "figures.docs.mathml",
+    "figures.docs.notebook_pages",
     "figures.docs.reference_pages",
     "figures.docs.running",
     "figures.docs.sampler_tables",
@@ -34,7 +35,8 @@ html_css_files = ["pictures.css"]
 html_math_renderer = "mathml"
 html_copy_source = False
 _WIDE = """
-index tutorial howto which_sampler contents long_runs stability house ledger notebooks papers examples/index
+index tutorial howto which_sampler contents long_runs stability house ledger notebooks notebooks/* papers
+examples/index
 """
 html_sidebars = {page: [] for page in _WIDE.split()}
 html_theme_options = {

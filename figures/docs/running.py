@@ -1,10 +1,13 @@
-"""``.. run::``: Python that runs while the page is built, with what it prints and draws below it.
+"""``.. run::``: Python that runs when the page is built, with its output and its pictures below it.
 
-All blocks of a page share their names, as cells of a notebook do. Code that raises, or a picture without a
-description, is a warning of the build, and so an error.
+All blocks of a page share their names, as the cells of a notebook do. Code that raises an exception and pictures
+without a description are warnings of the build, and therefore errors. With ``:titled:``, the titles of a picture
+describe it.
 """
 
+import ast
 import contextlib
+import html
 import io
 import traceback
 from pathlib import Path
@@ -26,40 +29,41 @@ _names: dict[str, dict[str, Any]] = {}
 """Of each page that is being read."""
 
 
-def _drawn(before: dict[str, Any], after: dict[str, Any]) -> list[Figure]:
-    """Return the figures that have got a name."""
-    found: list[Figure] = []
-    for name, value in after.items():
-        figure = value.figure if isinstance(value, Axes) else value
-        if isinstance(figure, Figure) and before.get(name) is not value and figure not in found:
-            found.append(figure)
-    return found
+def _run(code: str, place: str, names: dict[str, Any]) -> list[Figure]:
+    """Run code, and return the figures that it drew or gave a name; the last value is ``_``."""
+    before, tree = dict(names), ast.parse(code)
+    if tree.body and isinstance(last := tree.body[-1], ast.Expr):
+        tree.body[-1] = ast.copy_location(ast.Assign([ast.Name("_", ast.Store())], last.value), last)
+    exec(compile(ast.fix_missing_locations(tree), place, "exec"), names)
+    values = [value for name, value in names.items() if before.get(name) is not value]
+    named = [value.figure if isinstance(value, Axes) else value for value in values]
+    figures = [*named, *map(plt.figure, plt.get_fignums())]
+    return list(dict.fromkeys(figure for figure in figures if isinstance(figure, Figure)))
 
 
 class Run(SphinxDirective):
     """Run the content."""
 
     has_content = True
-    option_spec: ClassVar[dict[str, Any]] = {"alt": directives.unchanged}
+    option_spec: ClassVar[dict[str, Any]] = {"alt": directives.unchanged, "titled": directives.flag}
 
     def run(self) -> list[nodes.Node]:
         """Return the code, what it printed, and its pictures."""
         code, page = "\n".join(self.content), self.env.docname
         shown: list[nodes.Node] = [nodes.literal_block(code, code, language="python")]
         names = _names.setdefault(page, {"__name__": page})
-        before, printed = dict(names), io.StringIO()
+        printed = io.StringIO()
         log = logging.getLogger(__name__)
         try:
             with contextlib.redirect_stdout(printed), plot.rc(), matplotlib.rc_context({"figure.dpi": 120}):
-                exec(compile(code, f"{page}, line {self.lineno}", "exec"), names)
+                figures = _run(code, f"{page}, line {self.lineno}", names)
         except Exception:  # Whatever the code raises fails the build, for which warnings are errors.
             log.warning("the code fails:\n%s", traceback.format_exc(), location=self.get_location())
             return shown
         if printed.getvalue():
             text = nodes.literal_block(printed.getvalue(), printed.getvalue(), language="text")
             shown.append(nodes.container("", text, classes=["printed"]))
-        figures = _drawn(before, names)
-        if bool(figures) != ("alt" in self.options):
+        if bool(figures) != ("alt" in self.options) and "titled" not in self.options:
             log.warning("%d pictures, %s", len(figures), self.options, location=self.get_location())
         shown += [self._picture(figure) for figure in figures]
         plt.close("all")
@@ -72,7 +76,8 @@ class Run(SphinxDirective):
         folder.mkdir(exist_ok=True)
         figure.savefig(folder / name)
         address = f"{'../' * page.count('/')}_images/{name}"
-        alt = nodes.Text(self.options.get("alt", "")).astext().replace('"', "&quot;")
+        titles = ", ".join(ax.get_title() for ax in figure.axes if ax.get_title())
+        alt = html.escape(self.options.get("alt", f"Plot: {titles}"))
         return nodes.raw("", f'<img class="picture dark-light" src="{address}" alt="{alt}">', format="html")
 
 

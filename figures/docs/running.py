@@ -1,8 +1,8 @@
 """``.. run::``: Python that runs when the page is built, with its output and its pictures below it.
 
-All blocks of a page share their names, as the cells of a notebook do. Code that raises an exception and pictures
-without a description are warnings of the build, and therefore errors. With ``:titled:``, the titles of a picture
-describe it.
+All blocks of a page share their names, as the cells of a notebook do. Code that raises an exception and
+pictures without a description are warnings of the build, and therefore errors. With ``:titled:``, the titles
+of a picture describe it.
 """
 
 import ast

@@ -1,7 +1,6 @@
 """Thesis Sect. 3.1.5: photons with a time each, and photons that arrive in intervals."""
 
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from figures._errors import rms
 from figures._rc import BLUE, VERMILLION
 from figures.plot import Style
+from figures.shared import judged
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import tracing
@@ -27,7 +27,7 @@ class Size(NamedTuple):
     times: int
 
 
-SIZES = {"draft": Size((12, 13, 14), 24, 4), "paper": Size((12, 14, 16, 18), 48, 8)}
+SIZES = {"draft": Size((10, 11, 12, 13, 14), 24, 4), "paper": Size((12, 14, 16, 18), 48, 8)}
 RADII = (0.03, 0.04, 0.06, 0.08, 0.12, 0.17, 0.24)
 WINDOWS = (0.06, 0.12, 0.25, 0.5, 1.0)
 HEIGHT, HALF = 1.0, 0.5
@@ -39,6 +39,8 @@ MOVING = (-0.15, -0.35, 0.2, 0.2)
 
 KINDS = {"one time each": VERMILLION, "intervals": BLUE}
 KEY = 7
+DRAWN = 128
+"""Pixels of the images a side."""
 
 BELOW = 640
 """Pixels of the curves below the images."""
@@ -65,9 +67,8 @@ Maps = dict[str, tracing.Photons]
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw images of the floor at one time and over the shutter, and errors over the number of photons."""
     size = SIZES[quality]
-    axis = (np.arange(size.side) + 0.5) / size.side * 2 - 1
-    x, z = np.meshgrid(axis, axis)
-    floor = np.stack([x, 0 * x, z], axis=-1)
+    floor = _floor(size.side)
+    x, z = floor[..., 0], floor[..., 2]
     times = (np.arange(size.times) + 0.5) / size.times
     exact = np.stack([_exact(x, z, time) for time in times])
     changes = np.ptp([_exact(x, z, time) for time in np.linspace(0, 1, 257)], axis=0) > 0
@@ -79,7 +80,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             maps[kind] = _sent(world, kind, size.logs[0], 2 ** (log - size.logs[0]))
             found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
         progress(0.9 * done / len(size.logs))
-    means, mean_error = _over_shutter(maps, found, floor, changes)
+    mean_error = _over_shutter(maps, found, floor, changes)
     times_more = {
         "photons for the error of intervals, still parts": _times_more(found, "still"),
         "photons for the error of intervals, moving shadow": _times_more(found, "moving"),
@@ -88,12 +89,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measured = {"error": found, **times_more, "error of the mean over the shutter, still parts": mean_error}
     still, moving, stored = times_more.values()
 
-    def falls(kind: str) -> bool:
-        errors = [of["all"] for of in found[kind].values()]
-        return all(after < before for before, after in pairwise(errors))
+    def falls(kind: str) -> bool | str:
+        return judged.falls([float(n) for n in found[kind]], [of["all"] for of in found[kind].values()])
 
     claims = {
-        "a consistent estimator: more photons, less error": {kind: falls(kind) for kind in KINDS},
+        "a consistent estimator: the error falls with the photons": {kind: falls(kind) for kind in KINDS},
         "still parts need fewer photons by intervals: less than half for the same error": still > 2,
         "and less memory: fewer are stored for the same error": stored > 1,
         "the moving shadow needs fewer, too: less than half": moving > 2,
@@ -106,9 +106,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         best=f"{list(found['one time each'].values())[-1]['window']:g}",
         mean=", ".join(f"{kind} {error:.3f}" for kind, error in mean_error.items()),
     )
-    figure = _draw(found, maps, means, floor, size)
+    figure = _draw(found, maps, size)
     progress(1.0)
     return figure, {"measured": measured, "claims": claims, "note": note}
+
+
+def _floor(side: int) -> NDArray[np.float64]:
+    """Return points of the floor, (side, side, 3)."""
+    x, z = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 - 1] * 2)
+    return np.stack([x, 0 * x, z], axis=-1)
 
 
 def _world() -> tracing.World:
@@ -182,19 +188,15 @@ def _choices(kind: str, log: int) -> Iterator[tuple[float, float]]:
             yield radius, window
 
 
-def _over_shutter(
-    maps: Maps, found: Found, floor: NDArray, changes: NDArray
-) -> tuple[dict[str, NDArray], dict[str, float]]:
-    """Return means over the shutter by the most photons, and their errors in still parts."""
+def _over_shutter(maps: Maps, found: Found, floor: NDArray, changes: NDArray) -> dict[str, float]:
+    """Return the errors in still parts of means over the shutter by the most photons."""
     radius, count = list(found["intervals"].values())[-1]["radius"], 16
     times = (np.arange(count) + 0.5) / count
     x, z = floor[..., 0], floor[..., 2]
-    images = {"exact": np.mean([_exact(x, z, time) for time in (np.arange(256) + 0.5) / 256], axis=0)}
-    for kind, of_kind in maps.items():
-        # Windows side by side: each photon counts once.
-        images[kind] = _estimate(of_kind, floor, times, radius, 1 / count).mean(axis=0)
-    errors = {kind: rms((images[kind] - images["exact"])[~changes]) for kind in KINDS}
-    return images, errors
+    exact = np.mean([_exact(x, z, time) for time in (np.arange(256) + 0.5) / 256], axis=0)
+    # Windows side by side: each photon counts once.
+    means = {kind: _estimate(of, floor, times, radius, 1 / count).mean(axis=0) for kind, of in maps.items()}
+    return {kind: rms((mean - exact)[~changes]) for kind, mean in means.items()}
 
 
 def _times_more(found: Found, part: str, counted: str | None = None) -> float:
@@ -212,8 +214,9 @@ def _times_more(found: Found, part: str, counted: str | None = None) -> float:
     return float(np.exp(needed - of_intervals[row]))
 
 
-def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, size: Size) -> Figure:
+def _draw(found: Found, maps: Maps, size: Size) -> Figure:
     log = size.logs[-1]
+    floor = _floor(DRAWN)
     x, z = floor[..., 0], floor[..., 2]
     limits = (0.0, 1.2)
     panels = [Panel("t = 1/2, exact", _exact(x, z, 0.5), limits)]
@@ -221,24 +224,18 @@ def _draw(found: Found, maps: Maps, means: dict[str, NDArray], floor: NDArray, s
         last = list(found[kind].values())[-1]
         image = _estimate(of_kind, floor, [0.5], last["radius"], last.get("window", 1.0))[0]
         panels.append(Panel(f"t = 1/2, {kind}", image, limits))
-    panels.append(Panel("mean over the shutter, exact", means["exact"], limits))
-    panels += [Panel(f"mean, {kind}", means[kind], limits) for kind in KINDS]
     title = (
         "Photons stored for intervals of time: less than half as many give the same error\n"
         f"thesis, Sect. 3.1.5; irradiance below a still and a moving square, $2^{{{log}}}$ photons"
     )
     figure = image_grid(title, panels, 3, BELOW)
     ticks = {2**log: f"$2^{{{log}}}$" for log in size.logs}
-    parts = ("still", "moving")
-    shown = [of[part] for by_count in found.values() for of in by_count.values() for part in parts]
-    for place, (axes, part) in enumerate(zip(axes_below(figure, BELOW, 2), parts, strict=True)):
+    axes, beside = axes_below(figure, BELOW, 2)
+    beside.set_axis_off()
+    for part, where, line in (("moving", "where the shadow moves", "--"), ("still", "still parts", "-")):
         for kind, color in KINDS.items():
             errors = {count: of[part] for count, of in found[kind].items()}
-            curve(axes, errors, Style(color, "o"), lw=1.5, label=kind)
-        y, title = (
-            ("RMS error of the irradiance", "still parts") if not place else ("", "where the shadow moves")
-        )
-        legend = "" if place else "lower left"
-        name_axes(axes, "photons", y, title, log="xy", ticks=ticks, few_decades=True, legend=legend)
-        axes.set_ylim(0.8 * min(shown), 1.2 * max(shown))
+            curve(axes, errors, Style(color, "o", line), lw=1.5, label=f"{kind}, {where}")
+    name_axes(axes, "photons", "RMS error of the irradiance", log="xy", ticks=ticks, few_decades=True)
+    beside.legend(*axes.get_legend_handles_labels(), loc="center left", frameon=False)
     return figure

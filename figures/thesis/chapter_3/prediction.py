@@ -105,7 +105,7 @@ class Size(NamedTuple):
     """Samples a pixel of what stands for the truth."""
 
 
-SIZES_3_3 = {"draft": Size(32, 16, 32), "paper": Size(96, 64, 1024)}
+SIZES_3_3 = {"draft": Size(128, 8, 16), "paper": Size(128, 64, 512)}
 LEVELS = 3
 CHECKS = 4
 CONTRAST = 0.1
@@ -187,12 +187,12 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panels.append(Panel(caption, shown(image)))
     title = (
         "Prediction has less than half the error of blending where things move\n"
-        "thesis, Fig. 3.3 and 3.4; the middle of the shutter, predicted\n"
-        f"our scene, {size.side} x {size.side} pixels, {size.spp} samples per pixel"
+        "thesis, Fig. 3.3 and 3.4; a box slides and turns; the middle of the shutter is predicted\n"
+        f"{size.side} x {size.side} pixels, {size.spp} samples per pixel in the first and last interval"
     )
     figure = image_grid(title, panels, 3, 560)
     width = figure.get_size_inches()[0] * DPI
-    _recursion(add_axes(figure, 140, 40, width - 180, 440), raw.steps, count)
+    _recursion(add_axes(figure, 140, 30, width - 180, 440), raw.steps, count)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 
@@ -208,19 +208,20 @@ def _recursion(axes: Axes, steps: tuple[tracing.Step, ...], count: int) -> None:
         circle = {"boxstyle": "circle,pad=0.25", "fc": "white", "ec": "0.3"}
         axes.text(number, -level, f"$i_{number}$", ha="center", va="center", bbox=circle)
     axes.set(xlim=(-0.6, count - 0.4), ylim=(-LEVELS - 0.7, 0.5), yticks=-np.arange(LEVELS + 1))
-    axes.set_yticklabels(["sampled", *(f"level {level}" for level in range(1, LEVELS + 1))])
+    axes.set_yticklabels([f"{level}" for level in range(LEVELS + 1)])
+    axes.set_ylabel("level")
     axes.set_xticks([])
     axes.spines[["left", "bottom"]].set_visible(False)
     axes.tick_params(length=0)
-    axes.set_title("how the 9 intervals are predicted from one another")
+    axes.set_title("Intervals of level 0 are sampled, the others predicted from two of the levels above")
 
 
-SIZES_3_6 = {"draft": Size(48, 16, 32), "paper": Size(96, 64, 1024)}
+SIZES_3_6 = {"draft": Size(128, 16, 16), "paper": Size(128, 64, 1024)}
 SHAKEN = replace(
     CAMERA,
     motion=motion.affine(None, motion.linear_segments([0, 0.5, 1], [[0, 0, 0], [0.3, 0.1, 0], [0, 0, 0]])),
 )
-MESH = 24
+MESH = 16
 """Pixels a side of the image whose triangles are drawn."""
 
 NOTE_3_6 = (
@@ -247,10 +248,10 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     progress(0.5)
     truth = render_interval(side, size.exact, quality, 3, 1, SHAKEN)
     holes = raw.samples[1] > 0
-    parts: Any = ndimage.label(holes)
+    parts: Any = ndimage.label(holes, np.ones((3, 3)))
     labels, count = parts
     border = np.ones_like(holes)
-    border[1:-1, 1:-1] = False
+    border[3:-3, 3:-3] = False
     touching = set(np.unique(labels[border & holes]))
     bad = (checked.samples[1] == size.spp) & ~holes
     failed, kept = (rms(raw.images[1][which] - truth[which]) for which in (bad, ~bad & ~holes))
@@ -267,24 +268,26 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         ),
     }
     note = NOTE_3_6.format(side=side, holes=int(holes.sum()), spp=size.spp, failed=failed, kept=kept)
+    off = abs(raw.images[1] - truth).max(axis=-1)
     marked = np.where(holes[..., None], [1.0, 0.0, 1.0], shown(raw.images[1]))
     panels = [
-        Panel("first interval", shown(raw.images[0])),
         Panel("predicted middle; magenta:\nno triangle is drawn there", marked),
-        Panel("white: the prediction failed,\ngrey: there was none", bad + 0.5 * holes),
+        Panel("error of the prediction\n(white: 0.3)", np.where(holes, 0, off), (0.0, 0.3)),
+        Panel("white: the check fails;\ngrey: there was no prediction", bad + 0.5 * holes),
     ]
     title = (
         "Checking the contrast finds the pixels whose prediction fails\n"
-        "thesis, Fig. 3.6 and 3.7; pixels as moving triangles"
+        "thesis, Fig. 3.6 and 3.7; pixels are moving triangles"
     )
-    figure = image_grid(title, panels, 3, 760)
-    width = figure.get_size_inches()[0] * DPI
-    wide = (width - 60) / 3
-    for place, time in enumerate((1 / 6, 1 / 2)):
-        axes = add_axes(figure, 15 + place * (wide + 15), 30, wide, wide)
+    figure = image_grid(title, panels, 3, 740)
+    places = [panel.get_position().bounds for panel in figure.axes]
+    wide, high = figure.get_size_inches() * DPI
+    left, middle, right = ([wide * x, 30, wide * w, high * h] for x, _, w, h in places)
+    for place, time in ((left, 1 / 6), (middle, 1 / 2)):
+        axes = add_axes(figure, *place)
         _mesh(axes, raw.images[0], time)
-        axes.set_title("pixels of the first interval" if place == 0 else "moved to the middle")
-    _parity(add_axes(figure, 100 + 2 * (wide + 15), 130, wide - 180, wide - 180))
+        axes.set_title("pixels of the first interval" if time < 0.5 else "moved to the middle")
+    _parity(add_axes(figure, right[0] + 90, 130, right[2] - 120, right[3] - 120))
     progress(1.0)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
@@ -325,4 +328,4 @@ def _parity(axes: Axes) -> None:
         axes.text(column, row, str(second[row, column]), ha="center", va="center")
     axes.set(xticks=range(6), yticks=range(6), xlabel="x")
     axes.set_ylabel("y", labelpad=1)
-    axes.set_title("0: from the first prediction,\n1: from the second")
+    axes.set_title("parity of pixels: 0 from the\nfirst interval, 1 from the last")

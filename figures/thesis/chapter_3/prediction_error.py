@@ -29,7 +29,7 @@ class Size(NamedTuple):
     """Samples a pixel of the reference."""
 
 
-SIZES = {"draft": Size(32, (8, 32), 4, 256), "paper": Size(48, (4, 8, 16, 32, 64), 8, 2048)}
+SIZES = {"draft": Size(128, (4, 16), 2, 128), "paper": Size(128, (4, 16, 64), 8, 1024)}
 LEVELS = 3
 CONTRAST = 0.1
 _BATCH = 4
@@ -133,7 +133,7 @@ def _plain(side: int, spp: int, key: int, quality: str) -> NDArray[np.float64]:
 
 def _regions(side: int, images: NDArray) -> Regions:
     """Return which pixels are of what, by the images of the intervals."""
-    kinds = [prediction.first_hits(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 33)]
+    kinds = [prediction.first_hits(side, time).number.reshape(side, side) for time in np.linspace(0, 1, 17)]
     box = np.any([kind == prediction.BOX for kind in kinds], axis=0)
     mirror = kinds[0] == prediction.MIRROR
     changes = np.ptp(images, axis=0).max(axis=-1) > 0.1
@@ -174,20 +174,21 @@ def _draw(
     biases: dict[str, dict[str, float]],
     regions: Regions,
 ) -> Figure:
-    most = list(biases)[-1]
     parts = sum(shade * regions[name] for name, shade in zip(REGIONS, (1.0, 0.5, 0.0), strict=True))
     panels = [
         Panel("reference", shown(exact)),
-        Panel(f"predicted, {most} samples\nmean of {size.keys} keys", shown(mean)),
-        Panel("bias (black: -0.1, white: 0.1)", (mean - exact).mean(axis=-1), (-0.1, 0.1)),
+        Panel(
+            f"mean error of {size.keys} predictions\n(black: -0.1, white: 0.1)",
+            (mean - exact).mean(axis=-1),
+            (-0.1, 0.1),
+        ),
         Panel("white: what moves,\ngrey: its shadow", np.asarray(parts)),
     ]
     title = (
         "Predicted images have less error than plain ones, but are biased\n"
-        "thesis, Sect. 3.3.4\n"
-        f"our scene, {size.side} x {size.side} pixels, {size.keys} keys"
+        f"thesis, Sect. 3.3.4; the scene of Fig. 3.3, {size.side} x {size.side} pixels, {size.keys} keys"
     )
-    figure = image_grid(title, panels, 4, below=700)
+    figure = image_grid(title, panels, 3, below=700)
     left, right = axes_below(figure, 700, 2)
     for kind, color in (("plain", BLACK), ("predicted", BLUE)):
         values = {n: of["all"] for n, of in errors[kind].items()}
@@ -199,7 +200,16 @@ def _draw(
         curve(right, values, Style(f"C{k}", "o"), lw=1.5, label=name)
     ticks = [int(n) for n in biases]
     for axes, what in ((left, "RMS of all pixels"), (right, "RMS bias by region")):
-        name_axes(axes, "samples per pixel", what, log="xy", ticks=ticks, legend="lower left", ncols=2)
+        name_axes(
+            axes,
+            "samples per pixel",
+            what,
+            log="xy",
+            ticks=ticks,
+            few_decades=True,
+            legend="lower left",
+            ncols=2,
+        )
         low, high = axes.get_ylim()
         axes.set_ylim(low / 3, high)
     return figure

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import analysis
+from analysis import trees
 from qmcjax import orders, samplers, sequences
 
 
@@ -26,6 +27,49 @@ def spectrum(image):
 
 
 # Hilbert paper
+
+
+def test_shifts_by_a_mask_change_what_a_filter_leaves_and_not_the_error():
+    """Sect. 2: the product of two coordinates at 1 sample per pixel, over 8 placements or keys."""
+    mask, lattice, exact = samplers.blue_noise_mask(), sequences.lattice(2), np.full((64, 64), 0.25)
+    errors = {"mask": [], "random": []}
+    for key in range(8):
+        placed = np.roll(np.rot90(mask, key), 17 * key, axis=(0, 1))
+        alone = samplers.independent(lattice, key, "shift")
+        for name, sampler in {"mask": samplers.dither(placed, lattice), "random": alone}.items():
+            image = np.asarray(sampler(*grid(64), jnp.uint32(0), dims=(0, 1))).prod(axis=-1)
+            errors[name].append(
+                (np.sqrt(np.mean((image - exact) ** 2)), analysis.filtered_error(image, exact))
+            )
+    ratio = np.mean(errors["mask"], axis=0) / np.mean(errors["random"], axis=0)
+    assert ratio[0] == pytest.approx(1, abs=0.05) and ratio[1] < 0.3
+
+
+def test_phi_3_is_correlated_where_indices_differ_by_3():
+    """Sect. 3.1: such neighbours share the leading digit; others have different ones."""
+    index = np.asarray(orders.hilbert(64, 64).position(*grid(64))).astype(np.int64)
+    across, down = (
+        np.stack(pair, -1).reshape(-1, 2) for pair in ((index[:, 1:], index[:, :-1]), (index[1:], index[:-1]))
+    )
+    pairs = np.concatenate([across, down])
+    phi = np.asarray(sequences.van_der_corput(3).points(64**2)[:, 0], np.float64)[pairs]
+    difference = np.abs(pairs[:, 0] - pairs[:, 1])
+    first, second = phi[difference == 3].T
+    assert len(first) > 500 and np.array_equal(np.floor(3 * first), np.floor(3 * second))
+    assert np.corrcoef(first, second)[0, 1] > 0.8 and np.corrcoef(*phi[difference % 3 > 0].T)[0, 1] < 0
+
+
+def test_iterations_take_multiples_of_the_curves_length():
+    """Sect. 4.3: the length is an even power of the base of the curve."""
+    for order, base, power in ((orders.hilbert(13, 16), 2, 8), (orders.peano(27, 20), 3, 6)):
+        assert order.length == base**power
+        sequence = sequences.uniform(2, key=1)
+        sampler, j = samplers.segments(order, sequence, spp=4), int(order.position(7, 9))
+        for k in range(3):
+            index = jnp.arange(4, dtype=jnp.uint32) + np.uint32(4 * (k * order.length + j))
+            sample = jnp.arange(4 * k, 4 * k + 4, dtype=jnp.uint32)
+            points = sampler(jnp.uint32(7), jnp.uint32(9), sample, dims=(0, 1))
+            assert np.array_equal(points, sequence(index))
 
 
 @pytest.mark.slow
@@ -167,6 +211,53 @@ def test_aliasing_is_more_evident_in_few_dimensions():
 ORDERS = list(permutations(range(4)))
 
 
+def test_other_sequences_are_diffused_along_the_scrambled_order():
+    """Sect. 2: Halton points, a Weyl sequence and progressive multi-jittered samples."""
+    side, exact = 64, np.full((64, 64), 0.25)
+    order = orders.scrambled_morton(side, side, key=1)
+    found = {
+        name: analysis.low_frequency_power(
+            np.asarray(samplers.contiguous(order, sequence, 1)(*grid(side), jnp.uint32(0), dims=(0, 1))).prod(
+                -1
+            ),
+            exact,
+        )
+        for name, sequence in {
+            "Sobol'": sequences.sobol(2),
+            "Halton": sequences.halton(2),
+            "Weyl": sequences.kronecker([0.618034, 0.414214]),
+            "pmj02": sequences.pmj02(side**2, key=1),
+        }.items()
+    }
+    assert max(found.values()) < 0.25, found
+
+
+def test_without_orders_of_samples_pairs_of_dimensions_are_correlated():
+    """Sect. 4.4: if scrambling ends at the pixel, whose 16 samples keep their order in all pairs."""
+    side, spp = 32, 16
+    x, y = (each[..., None] for each in grid(side))
+    sample = jnp.arange(spp, dtype=jnp.uint32)
+    whole = np.asarray(samplers.z(side, side, spp, key=1, dims=4)(x, y, sample, dims=(0, 2)))
+    pixels = [
+        samplers.contiguous(orders.scrambled_morton(side, side, key=key), sequences.sobol(2), spp)
+        for key in (1, 2)
+    ]
+    parts = np.stack([np.asarray(each(x, y, sample, dims=(0,)))[..., 0] for each in pixels], -1)
+    errors = [np.sqrt(np.mean((points - 0.5).prod(-1).mean(-1) ** 2)) for points in (whole, parts)]
+    assert errors[1] > 3 * errors[0], errors
+
+
+def test_the_printed_hash_repeats_itself_in_dimension_d_plus_3():
+    """Eq. 8 is to differ between dimensions; three dimensions on, neighbouring nodes are swapped."""
+    node = np.arange(2**16, dtype=np.uint64)
+
+    def digits(i, dim):
+        return ((i ^ np.uint64(0x55555555 * dim % 2**32)) * np.uint64(0x9E3779B9) % 2**32) * 24 >> 32
+
+    for dim, swap in ((1, 1), (2, 3), (3, 1)):
+        assert np.array_equal(digits(node, dim), digits(node ^ np.uint64(swap), dim + 3))
+
+
 def z_point(x, y, sample, log_side, log_spp, dim):
     """Return a sample of Z_hash: Eq. 2, 5, 8 and 16, and the first two coordinates of the Sobol' sequence."""
     code = sum((x >> j & 1) << 2 * j | (y >> j & 1) << (2 * j + 1) for j in range(log_side))
@@ -262,3 +353,66 @@ def test_deterministic_samplers_need_a_rotation(seq):
         found[name] = neighbours, analysis.perceived_error(edge, place, distance=16000)
     assert abs(found["rotated"][0]) < 0.1 and found["same"][0] > 0.7
     assert found["same"][1] > 2 * found["rotated"][1]
+
+
+def test_refitted_trees_suit_motions_that_keep_their_hierarchy():
+    """Sect. 4.2.2: quality depends on the kind of motion; it degrades after a few steps of a random one."""
+    rng = np.random.default_rng(1)
+    centre = rng.random((512, 3))
+    turn, paths = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]]), rng.normal(size=(512, 3))
+    tree = trees.surface_area_tree(centre - 0.01, centre + 0.01)
+
+    def degraded(moved):
+        box = moved - 0.01, moved + 0.01
+        return trees.summed_area(trees.refitted(tree, *box)) / trees.summed_area(
+            trees.surface_area_tree(*box)
+        )
+
+    assert degraded(3 * centre + 1) == pytest.approx(1, abs=0.01) and degraded(centre @ turn) < 1.3
+    random = [degraded(centre + 0.02 * step * paths) for step in range(0, 9, 2)]
+    assert random == sorted(random) and random[0] == pytest.approx(1) and random[1] < 1.5 < 2 < random[-1]
+
+
+def test_a_shift_by_any_offset_moves_points_between_pixels():
+    """Sect. 5.2.5: then some pixels have none; after a shift by whole pixels each has one."""
+    net = np.asarray(sequences.larcher_pillichshammer_net(8).points(256), np.float64)
+    for offset, full in (((5 / 16, 11 / 16), True), ((0.333, 0.71), False)):
+        cells = np.floor((net + offset) % 1 * 16).astype(int)
+        assert (len(np.unique(cells @ [1, 16])) == 256) == full
+
+
+def van_der_corput(i):
+    return int(format(i, "032b")[::-1], 2)
+
+
+def sobol(i):
+    result, v = 0, 2**31
+    while i:
+        result ^= v * (i & 1)
+        i, v = i >> 1, v ^ v >> 1
+    return result
+
+
+def sobol_inverse(i):
+    result, v = 0, 1
+    while i:
+        result ^= v * (i >> 31)
+        i, v = i << 1 & 2**32 - 1, (v ^ v << 1) & 2**32 - 1
+    return result
+
+
+def test_the_printed_programs_from_pixel_to_index():
+    """Sect. 5.2.5: ``lookUp`` for any m; ``compute``, by Eq. 5.26, for powers of two only."""
+    for m in range(1, 9):
+        inverse = {sobol(upper << m) >> 32 - m: upper for upper in range(2**m)}
+        right = {"lookUp": True, "compute": True}
+        for ex, ey, frame in [(3 * k % 2**m, 5 * k // 3 % 2**m, k % 3) for k in range(64)]:
+            shift, lower = frame << 2 * m, van_der_corput(ex << 32 - m)
+            upper = inverse[ey ^ sobol(lower) >> 32 - m]
+            delta = ((ey << 32 - m) ^ sobol(lower) ^ sobol(shift)) & (2**m - 1 << 32 - m)
+            computed = shift | sobol_inverse(delta | delta >> m) | lower
+            looked_up = [(upper << m | lower, 0), (computed, frame)]
+            for name, (index, of_frame) in zip(right, looked_up, strict=True):
+                pixel = van_der_corput(index) >> 32 - m, sobol(index) >> 32 - m
+                right[name] &= pixel == (ex, ey) and index >> 2 * m == of_frame
+        assert right == {"lookUp": True, "compute": m in (1, 2, 4, 8)}, m

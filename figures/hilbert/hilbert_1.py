@@ -3,10 +3,11 @@
 import math
 from collections.abc import Callable, Iterator
 from itertools import pairwise, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
@@ -14,20 +15,20 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
 
 import analysis
-from figures._rc import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
+from figures._rc import BLUE, ORANGE, PURPLE, SKY, VERMILLION
 from figures.making.schema import Claims
 from figures.shared.sheets.curve_tables import CURVES, Curve, square
-from figures.shared.sheets.panels import write_title
+from figures.shared.sheets.panels import new_figure
 from qmcjax import sequences
 
-SHOWN = (16, 9)
+SHOWN = (8, 9)
 """Sides of the pixel grids that are drawn, in base 2 and 3."""
 
 COUNTED = {"draft": (128, 243), "paper": (512, 729)}
-"""Sides of the pixel grids that the histogram is of."""
+"""Sides of the pixel grids that are measured."""
 
-COLOURS = {"Morton": BLUE, "Hilbert": VERMILLION, "Moore": GREEN, "Peano": PURPLE}
-"""As of samplers along these curves, but for Peano's, which are green as well."""
+LABELLED = 6
+"""Per cent: smaller parts of a bar have no room for their number."""
 
 VARIANT_DIGITS = 3
 
@@ -48,7 +49,7 @@ RARE = 0.01
 
 NOTE = (
     "A segment is a maximal run of consecutive positions among a neighbourhood's 9 pixels. The "
-    "histogram counts interior pixels; the pictures also show the clipped counts at the border. The "
+    "bars count interior pixels; the pictures also show the clipped counts at the border. The "
     "caption says that the maximum 'is smallest for the Hilbert and Moore curves': true, with a tie, as "
     "Peano's own curve also has 4, in half of its neighbourhoods (Hilbert and Moore: a fifth). Sect. 3 "
     "says that it is smaller than for Morton and Peano: true for Morton, and for most curves named "
@@ -65,9 +66,13 @@ NOTE = (
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
     sides = COUNTED[quality]
-    figure = Figure(figsize=(15, 9), layout="constrained")
-    panels = figure.subplot_mosaic("abe;cde")
-    histogram = panels["e"]
+    figure = new_figure(
+        "No curve has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
+        "Hilbert paper, Fig. 1; each number says in how many segments the curve visits the 3x3 pixels around",
+        5.0,
+    )
+    panels = figure.subplot_mosaic("abe;cde", width_ratios=(1, 1, 1.2))
+    bars = panels["e"]
     measured = {}
     for k, (name, axes) in enumerate(zip(CURVES, [panels[place] for place in "abcd"], strict=True)):
         _draw_curve(axes, square(name, *SHOWN), name)
@@ -75,27 +80,17 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         found = {title: _uniformity(square(name, *UNIFORM), points) for title, points in SEQUENCES.items()}
         measured[name][MEAN] = {title: mean for title, (mean, _) in found.items()}
         measured[name][UNIFORMITY] = {title: by_count for title, (_, by_count) in found.items()}
-        counts = measured[name]["histogram"]
-        shares = np.array(list(counts.values())) / sum(counts.values())
-        label = f"{name}, mean {measured[name]['mean']:.2f}"
-        places = [int(count) + 0.2 * k - 0.3 for count in counts]
-        histogram.bar(places, shares, 0.2, label=label, color=COLOURS[name])
+        _draw_shares(bars, k, measured[name])
         progress((k + 1) / (len(CURVES) + 1))
-    histogram.set(
-        xlabel="segments in the 3x3 neighbourhood",
-        ylabel="share of the interior pixels",
-        title=f"{sides[0]} x {sides[0]} pixels, Peano {sides[1]} x {sides[1]}",
-        xlim=(0.4, 5.6),
-        xticks=range(1, 6),
+    bars.set(
+        ylabel="part of the interior pixels (%)",
+        title=f"segments around pixels,\n{sides[0]} x {sides[0]}, Peano {sides[1]} x {sides[1]}",
+        ylim=(0, 100),
     )
-    histogram.legend(loc="upper left")
+    bars.set_xticks(range(len(CURVES)), list(CURVES))
+    bars.tick_params(bottom=False)
     measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
     measured["maxima of the 512 variants of the Peano curve"] = _count_variants()
-    write_title(
-        figure,
-        "No curve has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
-        "Hilbert paper, Fig. 1; segments of space-filling curves in 3x3 neighbourhoods",
-    )
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 
@@ -237,22 +232,42 @@ def _larger(curve: NDArray[np.int64], parts: tuple[Part, ...]) -> NDArray[np.int
 
 
 def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
+    """Write the number of segments around each pixel, and colour those of the worst one near the middle."""
     counts = analysis.segment_counts(curve)
-    axes.imshow(counts, cmap="Greens", vmin=0, vmax=8, alpha=0.6)
     x, y = curve.path()
-    axes.plot(x, y, color="0.55", lw=1)
+    axes.plot(x, y, color="0.4", lw=1)
     largest = np.argwhere(counts == counts[1:-1, 1:-1].max())
     row, column = min(largest.tolist(), key=lambda pixel: math.dist(pixel, (len(counts) / 2,) * 2))
-    axes.add_patch(Rectangle((column - 1.5, row - 1.5), 3, 3, fill=False, color="darkgreen", lw=2))
+    axes.add_patch(Rectangle((column - 1.5, row - 1.5), 3, 3, fill=False, color="black", lw=1.5))
     inside = np.flatnonzero((abs(x - column) <= 1) & (abs(y - row) <= 1))
     for k, run in enumerate(np.split(inside, np.flatnonzero(np.diff(inside) > 1) + 1)):
-        axes.plot(x[run], y[run], "o-", color=SEGMENTS[k], lw=3, ms=5)
+        axes.plot(x[run], y[run], "o-", color=SEGMENTS[k], lw=3, ms=11)
     for (v, u), count in np.ndenumerate(counts):
-        axes.text(u + 0.3, v + 0.3, str(count), fontsize=8, ha="center", va="center")
-    axes.set(
-        title=f"{name}: {counts[row, column]} segments in the marked neighbourhood", xticks=[], yticks=[]
-    )
+        look: dict[str, Any] = {"color": "white", "weight": "bold"}
+        if max(abs(u - column), abs(v - row)) > 1:
+            look = {"bbox": {"facecolor": _shade(count), "edgecolor": "none", "pad": 0.5}}
+        axes.text(u, v, str(count), ha="center", va="center_baseline", **look)
+        axes.add_patch(Rectangle((u - 0.5, v - 0.5), 1, 1, color=_shade(count), lw=0, zorder=0))
+    axes.set(xlim=(-0.6, len(counts) - 0.4), ylim=(len(counts) - 0.4, -0.6), aspect="equal")
+    axes.set(title=f"{name}: at most {counts[row, column]}", xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
+
+
+def _draw_shares(axes: Axes, place: int, of_curve: dict) -> None:
+    """Draw what part of the neighbourhoods has each number of segments, as a bar in parts."""
+    counts = {int(count): number for count, number in of_curve["histogram"].items()}
+    bottom = 0.0
+    for count, number in counts.items():
+        share = 100 * number / sum(counts.values())
+        axes.bar(place, share, 0.9, bottom, color=_shade(count))
+        if share > LABELLED:
+            axes.text(place, bottom + share / 2, f"{count}: {share:.0f} %", ha="center", va="center")
+        bottom += share
+
+
+def _shade(count: int) -> tuple[float, ...]:
+    """Return the green of a number of segments."""
+    return colormaps["Greens"](0.1 + 0.13 * (count - 1))
 
 
 def _count_variants() -> dict[str, int]:

@@ -23,6 +23,16 @@ COUNTED = (64, 81)
 
 BASES = (2, 3, 5)
 
+PANELS = (
+    ("Morton", 2, "stripes"),
+    ("Hilbert", 2, "a checkerboard"),
+    ("Peano", 2, "symmetric"),
+    ("Hilbert", 3, "many 3s"),
+    ("Moore", 3, "many 3s"),
+    ("Peano", 3, "rows of 3s"),
+)
+"""The curves and bases that are drawn, of all that are measured, and what there is to see."""
+
 EVEN_COLUMNS = "phi_2 < 1/2 in even columns, >= 1/2 in odd ones"
 ROW_BIT = "second bit of the position is that of the row"
 CHECKERBOARD = "phi_2 < 1/2 in one colour of a checkerboard"
@@ -33,8 +43,8 @@ MULTIPLES = "share of the differences above 1 that are multiples of"
 BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 
 NOTE = (
-    "The numbers are differences of positions above 1; red ones are multiples of the row's base, so "
-    "that the radical inverses share their leading digit. The measurements use larger grids, 64 x 64 "
+    "The numbers are differences of positions above 1; where they are multiples of the base, the radical "
+    "inverses share their leading digit. The measurements use larger grids, 64 x 64 "
     "and 81 x 81 pixels, and compare each edge with its mirror image. The symmetries are exact from "
     "left to right for Morton, Hilbert and Moore, and under a half turn for Peano. About the diagonal, "
     "Peano's shades are strongly symmetric for phi_2, whose leading bit forms a checkerboard, and "
@@ -47,20 +57,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the curves over their radical inverses, with the differences on the shared edges."""
     figure = new_figure(
         "Many neighbours on the Hilbert curve differ by 3, a base of the Halton sequence\n"
-        "Hilbert paper, Fig. 2; differences of positions across the edges of pixels",
-        15,
-        12,
+        "Hilbert paper, Fig. 2; grey: radical inverses; numbers: differences of positions across edges\n"
+        "(1 is left out), orange: multiples of the base",
+        5.6,
     )
-    measured = {}
-    for name, panels in zip(CURVES, figure.subplots(len(BASES), len(CURVES)).T, strict=True):
-        curve = square(name, *SHOWN)
-        for axes, base in zip(panels, BASES, strict=True):
-            _draw(axes, curve, base)
-            if not measured:
-                axes.set_ylabel(rf"$\phi_{base}$; orange: multiples of {base}")
-        panels[0].set_title(name)
-        measured[name] = _measure(square(name, *COUNTED))
-        progress(len(measured) / len(CURVES))
+    for axes, (name, base, caption) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):
+        _draw(axes, square(name, *SHOWN), base)
+        axes.set_title(rf"{name}, $\phi_{base}$: {caption}")
+    progress(0.5)
+    measured = {name: _measure(square(name, *COUNTED)) for name in CURVES}
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 

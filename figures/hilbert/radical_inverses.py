@@ -22,7 +22,11 @@ from qmcjax import sequences
 
 SIDES = (64, 81)
 BASES = (2, 3, 5)
+SEEN = np.s_[: SIDES[0], : SIDES[0]]
+"""What is drawn: pixels of all curves are of one size."""
 SUPERIMPOSED = r"$(\phi_2, \phi_3, \phi_5)$"
+
+PIXELS = f"{SIDES[0]} x {SIDES[0]} pixels, for Peano a part of {SIDES[1]} x {SIDES[1]}"
 
 NOTE_3 = (
     f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The powers of red, "
@@ -39,9 +43,11 @@ def hilbert_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
         images = {f"phi_{base}": enumerate_pixels(curve, sequences.van_der_corput(base)) for base in BASES}
         images["superimposed"] = np.stack(list(images.values()), axis=-1)
         for row, image in zip(rows.values(), images.values(), strict=True):
-            row[name] = image
+            row[name] = image[SEEN]
         measured[name] = {row: structure(image) for row, image in images.items()}
-    title = "Radical inverses leave regular structures along all four curves\nHilbert paper, Fig. 3"
+    title = (
+        f"Radical inverses leave regular structures along all four curves\nHilbert paper, Fig. 3; {PIXELS}"
+    )
     figure = image_sheet(title, {label: Row(images) for label, images in rows.items()})
     return figure, {"measured": measured, "claims": _claims_3(measured), "note": NOTE_3}
 
@@ -80,6 +86,8 @@ SOURCES = {
     "phi_5, Faure": (sequences.halton(3, "faure"), PHI_5),
 }
 """Sequences and their coordinates."""
+SHOWN = ("phi_2", "phi_2, Owen scrambling", "phi_5", "phi_5, Faure-Lemieux")
+"""Those that are drawn, of all that are measured."""
 SCRAMBLED = ("phi_2, digit scrambling", "phi_2, Owen scrambling")
 
 IN_COLUMNS = "leading bit is one in each column, and alternates from column to column"
@@ -88,25 +96,25 @@ ON_EDGES = "leading bit differs across every edge of two pixels"
 
 NOTE_4 = (
     f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}. {EXPLAINED} The share of the power "
-    "in the strongest 1 % of frequencies is written over each image. The paper only shows the scrambled "
-    "images. We read 'improved according to Faure [9]' as the factors of Faure and Lemieux, in base 5 "
-    "the digits 0 3 1 4 2. By this measure Morton, Hilbert and Moore stay as regular as they were, as "
-    "the paper says. Peano is not helped most: it is the least regular curve, but slightly more regular "
-    "with scrambling, and more so with Faure's own digits, 0 3 2 1 4. Scrambling does lower the power "
-    "at low frequencies, to half for all curves but Hilbert."
+    "in the strongest 1 % of frequencies is written over each image. With digit scrambling, not drawn, "
+    "phi_2 has the same parts as with Owen scrambling. We read 'improved according to Faure [9]' as the "
+    "factors of Faure and Lemieux, in base 5 the digits 0 3 1 4 2. By this measure Morton, Hilbert and "
+    "Moore stay as regular as they were, as the paper says. Peano is not helped most: it is the least "
+    "regular curve, but slightly more regular with scrambling, and more so with Faure's own digits, "
+    "0 3 2 1 4. Scrambling does lower the power at low frequencies, to half for all curves but Hilbert."
 )
 
 
 def hilbert_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Show phi_2 by itself and scrambled in two ways, and phi_5 by itself and with better digits."""
-    sheet: dict[str, dict[str, NDArray]] = {label: {} for label in SOURCES}
+    sheet: dict[str, dict[str, NDArray]] = {label: {} for label in SHOWN}
     measured = {}
     leading: dict[str, list[NDArray[np.bool_]]] = {}
     for name in CURVES:
         curve = square(name, *SIDES)
         images = {row: enumerate_pixels(curve, *source) for row, source in SOURCES.items()}
-        for row, image in images.items():
-            sheet[row][name] = image
+        for row in SHOWN:
+            sheet[row][name] = images[row][SEEN]
         measured[name] = {row: structure(image) for row, image in images.items()}
         for row in SCRAMBLED:
             measured[name][row] |= _halves(curve, images[row])
@@ -120,10 +128,10 @@ def hilbert_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, 
     title = (
         "Scrambling leaves correlations along the curves: Morton's stripes stay\n"
         "Hilbert paper, Fig. 4\n"
-        f"{SIDES[0]} x {SIDES[0]} pixels, Peano {SIDES[1]} x {SIDES[1]}; above an image: what part of its "
-        "power\nthe strongest 1 % of its frequencies have (white noise: 6 %)"
+        f"{PIXELS}\n"
+        "above an image: what part of its power the strongest 1 % of frequencies have (white noise: 6 %)"
     )
-    figure = image_sheet(title, rows, panel=256)
+    figure = image_sheet(title, rows)
     return figure, {"measured": measured, "claims": _claims_4(measured, leading), "note": NOTE_4}
 
 

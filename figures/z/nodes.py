@@ -42,7 +42,7 @@ def z_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     permutations = _permutations(code, scrambled)
     example = int("321", 4)
 
-    figure = new_figure("21 permutations scramble the Morton order of 8 x 8 pixels\nZ paper, Fig. 5", 12, 6.2)
+    figure = new_figure("21 permutations scramble the Morton order of 8 x 8 pixels\nZ paper, Fig. 5", 4.1)
     panels = figure.subplots(1, 2)
     _draw_tree(panels[0], permutations)
     texts = np.vectorize(lambda i: np.base_repr(i, 4).zfill(LEVELS_5))(scrambled)
@@ -92,7 +92,7 @@ def _draw_tree(axes: Axes, permutations: dict[str, list[int]]) -> None:
     for prefix, pi in permutations.items():
         colour = (VERMILLION, BLUE, "black")[len(prefix)]
         nodes[prefix] = Node(f"{pi_of(prefix)} = {''.join(map(str, pi))}", colour, colour)
-    draw_nodes(axes, nodes, 3, (12, 2))
+    draw_nodes(axes, nodes, 3, (10, 1))
     axes.set_title("order of bottom left, bottom right, top left, top right")
 
 
@@ -124,7 +124,7 @@ def draw_nodes(axes: Axes, nodes: dict[str, Node], width: float, font: tuple[flo
         axes.plot([x, x + size], [y + size / 2] * 2, **look)
         axes.plot([x + size / 2] * 2, [y, y + size], **look)
         look = {"fontsize": font[0] - font[1] * level, "color": colour, "ha": "center", "va": "center"}
-        box = {"facecolor": "white", "edgecolor": colour, "pad": 2.5}
+        box = {"facecolor": "white", "edgecolor": colour, "pad": 2}
         axes.text(x + size / 2, y + size / 2, text, bbox=box, **look)
     axes.set(xlim=(0, 1), ylim=(0, 1), xticks=[], yticks=[], aspect="equal")
     axes.spines[:].set_visible(True)
@@ -165,13 +165,12 @@ def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     rules = np.array([[LETTERS.index(child) for child in PRODUCTION[letter]] for letter in LETTERS])
     figure = new_figure(
         "Pixels below equal letters of the tree come in the same order\n"
-        "Z paper, Fig. 7; permutations and letters of the self-similar tree, aligned",
-        11,
-        6,
+        "Z paper, Fig. 7; letters choose the permutations: equal colours are equal, with all that is below",
+        4.2,
     )
     left, right = figure.subplots(1, 2)
-    _draw(left, "(a) nodes of permutations", rules, lambda prefix, _: pi_of(prefix))
-    _draw(right, "(b) nodes of the tree that begins with A", rules, lambda _, letter: letter)
+    _draw(left, "(a) permutations at the nodes", rules, lambda prefix, _: pi_of(prefix))
+    _draw(right, "(b) letters at the same nodes", rules, lambda _, letter: letter)
     grids = {
         "Eq. 11, 5 letters": _grid(rules),
         "random, 256 letters": _grid(_rules("tree", 256)),
@@ -279,5 +278,5 @@ def _draw(axes: Axes, title: str, rules: NDArray, text: Callable[[str, str], str
         for prefix in map("".join, product("0123", repeat=level)):
             letter = LETTERS[_letter(rules, prefix)]
             nodes[prefix] = Node(text(prefix, letter), COLOURS[letter], "0.5")
-    draw_nodes(axes, nodes, 2.5, (15, 2.5))
+    draw_nodes(axes, nodes, 2.5, (12, 2))
     axes.set_title(title)

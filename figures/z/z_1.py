@@ -11,7 +11,6 @@ import numpy as np
 from jax import Array
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy import ndimage
 
 import analysis
 from figures.making import heitz
@@ -42,9 +41,6 @@ STRUCTURED = 1.1
 
 LOW, FILTERED = "low-frequency power", "filtered error"
 
-SMOOTH = 5
-"""Frequencies a side over which spectra are averaged to be drawn."""
-
 REPEATS = "correlation of errors a tile apart"
 SPIKES = "power at harmonics of the tile / mean"
 
@@ -56,11 +52,11 @@ NOTE = (
     "not the paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled "
     "per pixel. Ranked keys, after Heitz et al.: ours, optimised for pairs, each with its own "
     f"translation of a tile of 64 x 64 pixels, {{repeats}} of the image's width (theirs is 1/8 of it, "
-    "for eight dimensions together). Spectra are of errors, the paper's of images; 5 x 5 means hide "
-    "narrow spikes. The share is the power in the strongest 1 % of frequencies. With few tiles the "
-    "spectrum has weak spikes; repetition would show as correlation of errors 64 pixels apart, but "
-    "there the scene differs, and so do errors of the same samples. A power at low frequencies below "
-    f"{BLUE} of white noise is called blue. The reference is {{origin}}. "
+    "for eight dimensions together). Spectra are of errors, the paper's of images; they are "
+    f"means over {KEYS} keys, for Sobol' of one image. The share is the power in the strongest 1 % of "
+    "frequencies. With few tiles the spectrum has weak spikes; repetition would show as correlation of "
+    "errors 64 pixels apart, but there the scene differs, and so do errors of the same samples. A power at "
+    f"low frequencies below {BLUE} of white noise is called blue. The reference is {{origin}}. "
 )
 
 
@@ -103,7 +99,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     for name, sampler in shown.items():
         image = scene_images.image(scene, sampler, side, 1)
         handed_out[name] = image[area]
-        images[name] = diffusion.shown(image)
+        images[name] = diffusion.shown(image[square])
         spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
         measured[name] = diffusion.measures(image, exact, area) | {SHARE: strongest_share(spectra[name])}
         tile = heitz.TILE if name == z_renderings.PUBLISHED else TILE
@@ -112,24 +108,25 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             measured[name][SPIKES] = _spikes((image - exact.image)[area], tile)
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
-    over_keys = _over_keys(scene, side, exact, area, square)
-    images["reference"] = diffusion.shown(exact.image)
-    smooth = {name: ndimage.uniform_filter(of, SMOOTH, mode="wrap") for name, of in spectra.items()}
+    over_keys, mean_spectra = _over_keys(scene, side, exact, area, square)
+    images["reference"] = diffusion.shown(exact.image[square])
     filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
-    low = {name: f"low frequencies: {of['low-frequency power']:.2f}" for name, of in measured.items()}
+    low = {
+        name: f"low: {np.mean(over_keys[name][LOW]):.2f}, {KEYS} keys"
+        if name in over_keys
+        else f"low: {of[LOW]:.2f}"
+        for name, of in measured.items()
+    }
     rows = {
         "image": image_sheets.Row(images, captions=filtered),
-        "spectrum of the error": image_sheets.spectra(smooth, low, (-1.0, 1.0)),
+        "spectrum of the error": image_sheets.spectra(spectra | mean_spectra, low, (-1.0, 1.0)),
     }
     title = (
         "At one sample per pixel the error of Z is blue noise, that of the (0,2)-sequence white\n"
-        "Z paper, Fig. 1\n"
-        f"our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces, one key; filtered "
-        "error: RMS "
-        "after a Gaussian of 1.5 pixels;\nranked keys: ours, after Heitz et al.; low frequencies: power "
-        f"below 1/16 cycle per pixel; spectra are means of {SMOOTH} x {SMOOTH} frequencies"
+        f"Z paper, Fig. 1; part of our interior, {side} x {side} pixels, {BOUNCES[quality]} bounces\n"
+        "filtered error: RMS after a Gaussian of 1.5 pixels; low: power below 1/16 cycle per pixel"
     )
-    figure = image_sheets.image_sheet(title, rows, panel=256)
+    figure = image_sheets.image_sheet(title, rows)
     note = NOTE.format(
         side=side,
         bounces=BOUNCES[quality],
@@ -159,8 +156,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return figure, numbers, handed_out
 
 
-def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any) -> Keys:
-    """Return measures of images of several keys, by the samplers that have one."""
+def _over_keys(
+    scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any
+) -> tuple[Keys, dict[str, NDArray[np.float64]]]:
+    """Return measures of images of several keys and their mean spectra, by the samplers that have a key."""
     dims = len(scene.needs)
     pairs = padded_samplers.pairs(dims)
     made: dict[str, Callable[[int], samplers.Sampler]] = {
@@ -172,15 +171,19 @@ def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, squ
         for name in z_renderings.beside(dims, KEY)
     }
     found: Keys = {}
+    spectra = {}
     for name, of_key in made.items():
         of = found[name] = {LOW: [], FILTERED: [], SHARE: []}
+        spectra[name] = np.zeros(exact.image[square].shape[:2])
         for key in range(KEYS):
             image = scene_images.replicate(scene, of_key(key), side, 1)
             values = diffusion.measures(image, exact, area)
-            values[SHARE] = strongest_share(analysis.error_spectrum(image[square], exact.image[square]))
+            spectrum = analysis.error_spectrum(image[square], exact.image[square])
+            values[SHARE] = strongest_share(spectrum)
+            spectra[name] += spectrum / KEYS
             for measure, list_of in of.items():
                 list_of.append(values[measure])
-    return found
+    return found, spectra
 
 
 def _correlation(error: NDArray, tile: int) -> float:

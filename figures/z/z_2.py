@@ -23,11 +23,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     quaternary = np.vectorize(lambda i: np.base_repr(i, 4).zfill(BITS))(index)
 
     figure = new_figure(
-        "The Morton order interleaves the bits of row and column\nZ paper, Fig. 2; 8 x 8 pixels", 11, 5.6
+        "The Morton order interleaves the bits of row and column\nZ paper, Fig. 2; 8 x 8 pixels", 5.3
     )
-    panels = figure.subplots(1, 2)
+    panels = figure.subplots(1, 2, width_ratios=(1.8, 1))
     write(panels[0], index, binary, r"binary: $y_2 x_2 y_1 x_1 y_0 x_0$", 1)
-    write(panels[1], index, quaternary, "base 4: one digit per level of quadrants", 2)
+    write(panels[1], index, quaternary, "base 4: a digit per level of quadrants", 2)
     labels = [format(i, f"0{BITS}b") for i in range(SIDE)]
     panels[0].set(xlabel="x", ylabel="y", xticks=range(SIDE), yticks=range(SIDE))
     panels[0].set_xticklabels(labels)
@@ -46,7 +46,7 @@ def write(axes: Axes, index: NDArray[np.int64], texts: NDArray, title: str, cell
     axes.imshow(index, cmap="gray", origin="lower")
     for (y, x), text in np.ndenumerate(texts):
         dark = index[y, x] < side**2 / 2
-        axes.text(x, y, text, ha="center", va="center", fontsize=9, color="white" if dark else "black")
+        axes.text(x, y, text, ha="center", va="center", color="white" if dark else "black")
     for edge in range(0, side + 1, cell):
         width = 2.5 if edge % (side // 2) == 0 else 1
         axes.axhline(edge - 0.5, color=VERMILLION, lw=width)

@@ -15,8 +15,10 @@ from figures.shared.sheets.curve_tables import Curve, curve_of
 from figures.shared.sheets.panels import new_figure
 from qmcjax import orders
 
-SHOWN, CUT, COUNTED = 16, 8, 256
-"""Side of the squares whose orders are drawn, of the one that is unfolded, and of those measured."""
+SHOWN, COUNTED = 16, 256
+"""Sides of the squares whose orders are drawn, and of those that are measured."""
+
+STEP = "mean length of a step"
 
 COLOURS = (ORANGE, GREEN, SKY, "0.7")
 """Of the quadrants in Morton's order."""
@@ -34,22 +36,26 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw both orders, and the strips that the cuts make of a square."""
+    adjacency = {
+        name: _adjacency(curve_of(order(COUNTED, COUNTED)))
+        for name, order in (("Morton", orders.morton), ("accordion", orders.accordion))
+    }
     figure = new_figure(
-        "The accordion order keeps neighbours closer than the Morton order\nZ paper, Fig. 4", 15, 9.9
+        "The accordion order keeps neighbours closer than the Morton order\n"
+        "Z paper, Fig. 4; jumps are blue; mean steps are of 256 x 256 pixels",
+        4.3,
     )
-    grid = figure.add_gridspec(2, 3, height_ratios=(1.45, 1))
+    grid = figure.add_gridspec(2, 3, height_ratios=(2.2, 1))
     panels = [figure.add_subplot(grid[0, k]) for k in range(3)]
-    _draw(panels[0], curve_of(orders.morton(SHOWN, SHOWN)), "Morton order")
-    _draw(panels[1], curve_of(orders.accordion(SHOWN, SHOWN)), "accordion order")
+    morton, accordion = (curve_of(order(SHOWN, SHOWN)) for order in (orders.morton, orders.accordion))
+    _draw(panels[0], morton, f"Morton: mean step {adjacency['Morton'][STEP]:.2f}")
+    _draw(panels[1], accordion, f"accordion: mean step {adjacency['accordion'][STEP]:.2f}")
     reversed_cuts = _unroll(unfold(4, [True])[-1])
-    _draw(panels[2], reversed_cuts, "two steps, the second one's cuts reversed: Moore")
-    strips = unfold(CUT, [step % 2 == 1 for step in range(CUT.bit_length() - 2)])
-    _draw_strips(figure.add_subplot(grid[1, :]), strips)
+    _draw(panels[2], reversed_cuts, "second cuts reversed: Moore")
+    _draw_strips(figure.add_subplot(grid[1, :]), unfold(4, [False]))
 
-    accordion = curve_of(orders.accordion(CUT, CUT))
+    strips = unfold(SHOWN, [step % 2 == 1 for step in range(SHOWN.bit_length() - 2)])
     chosen = [_unroll(unfold(side, reverse)[-1]) for side in (8, 16) for reverse in _choices(side)]
-    morton = curve_of(orders.morton(COUNTED, COUNTED))
-    sides = {"Morton": _adjacency(morton), "accordion": _adjacency(accordion)}
     start, end = jump = _jump(_unroll(unfold(4, [False])[-1]))
     measured = {
         "quadrants in Morton's order": _quadrants(accordion),
@@ -59,7 +65,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             start[0] == end[0] for start, end in map(_jump, chosen)
         ),
         "of these, the path is closed": sum(map(_is_closed, chosen)),
-        "adjacency": sides,
+        "adjacency": adjacency,
     }
     claims = {
         "cutting and turning in the middle gives the accordion order": np.array_equal(
@@ -72,7 +78,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "adjacency is the same as Morton's or better": {
             measure: own >= other if measure.startswith("share") else own <= other
             for (measure, own), other in zip(
-                sides["accordion"].items(), sides["Morton"].values(), strict=True
+                adjacency["accordion"].items(), adjacency["Morton"].values(), strict=True
             )
         },
     }
@@ -141,7 +147,7 @@ def _adjacency(curve: Curve) -> dict[str, float]:
     steps, segments = _steps(curve), analysis.segment_counts(curve)[1:-1, 1:-1]
     return {
         "share of the steps to a pixel that shares an edge": float(np.mean(steps == 1)),
-        "mean length of a step": float(steps.mean()),
+        STEP: float(steps.mean()),
         "mean number of segments in 3x3 neighbourhoods": float(segments.mean()),
     }
 
@@ -154,9 +160,9 @@ def _draw(axes: Axes, curve: Curve, title: str) -> None:
     side = curve.width
     axes.imshow([[_colour(x, y, side) for x in range(side)] for y in range(side)], alpha=0.4, origin="lower")
     x, y = curve.path()
-    axes.plot(x, y, "o", color="black", ms=24 / side)
+    axes.plot(x, y, "o", color="black", ms=12 / side)
     for k, length in enumerate(_steps(curve)):
-        lw, color, rad = (1.2, BLUE, 0.06) if length > 1 else (1.5, "black", 0)
+        lw, color, rad = (0.8, BLUE, 0.06) if length > 1 else (1.2, "black", 0)
         style = {"arrowstyle": "-", "shrinkA": 0, "shrinkB": 0, "connectionstyle": f"arc3,rad={rad}"}
         style |= {"lw": lw, "color": color}
         axes.annotate("", (x[k + 1], y[k + 1]), (x[k], y[k]), arrowprops=style)
@@ -165,19 +171,18 @@ def _draw(axes: Axes, curve: Curve, title: str) -> None:
 
 
 def _draw_strips(axes: Axes, strips: list[NDArray[np.int64]]) -> None:
-    """Draw the strips to one scale below each other, with the positions in the last one."""
-    position = np.argsort(strips[-1], axis=None)
-    bottom = 0
+    """Draw the strips side by side, with the positions in the last one."""
+    position, side = np.argsort(strips[-1], axis=None), len(strips[0])
+    left = 0
     for strip in strips:
-        bottom -= len(strip)
         for (row, column), pixel in np.ndenumerate(strip):
-            y, x = divmod(int(pixel), CUT)
-            colour = (*_colour(x, y, CUT), 0.6)
-            corner = (column, bottom + row)
-            axes.add_patch(Rectangle(corner, 1, 1, facecolor=colour, edgecolor="0.3", lw=0.4))
-            number = str(position[pixel])
-            axes.text(column + 0.5, bottom + row + 0.5, number, fontsize=8, ha="center", va="center")
-        bottom -= 1
-    axes.set(xlim=(-0.2, CUT**2 + 0.2), ylim=(bottom + 0.8, 0.2), aspect="equal", xticks=[], yticks=[])
+            y, x = divmod(int(pixel), side)
+            corner = (left + column, row + (side - len(strip)) / 2)
+            axes.add_patch(
+                Rectangle(corner, 1, 1, facecolor=(*_colour(x, y, side), 0.6), edgecolor="0.3", lw=0.4)
+            )
+            axes.text(*np.add(corner, 0.5), str(position[pixel]), ha="center", va="center")
+        left += strip.shape[1] + 1
+    axes.set(xlim=(-0.1, left - 0.9), ylim=(-0.1, side + 0.1), aspect="equal", xticks=[], yticks=[])
     axes.set_axis_off()
-    axes.set_title("8 x 8 pixels, cut in one, two and three steps; the numbers are the accordion order")
+    axes.set_title("4 x 4 pixels, cut and turned once and twice; the numbers are the accordion order")

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures import plot
-from figures.shared.sheets.image_sheets import DPI, add_axes
-from figures.shared.sheets.panels import name_axes, write_title
+from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.bits import owen_hash, reverse
 
 SIDE, DIM = 256, 5
 CORNER = 32
-"""Side of the part that is magnified, in pixels."""
+"""Side of the part that is drawn, in pixels."""
+BELOW = 700
+"""Height of the curves, in pixels of the picture."""
 
 COMPARED = tuple(range(2, 10))
 SAMPLES = 64
@@ -63,7 +65,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         ),
         "Owen's scrambling keeps these blocks together": scrambled == shown[BLOCKS],
     }
-    figure = _sheet(_pictures(), errors)
+    title = (
+        "In dimension 5 of the global Sobol' sequence, blocks of pixels share one half\n"
+        f"Z paper, Fig. 8; a grey ramp, the corner of {CORNER} x {CORNER} of {SIDE} x {SIDE} pixels"
+    )
+    panels = [Panel(name, image[:CORNER, :CORNER]) for name, image in _pictures().items()]
+    figure = image_grid(title, panels, 3, below=BELOW)
+    _curves(add_axes(figure, 240, 120, 1700, BELOW - 170), errors)
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
@@ -81,42 +89,21 @@ def _pictures() -> dict[str, NDArray]:
     }
 
 
-def _sheet(images: dict[str, NDArray], errors: dict[str, dict[str, float]]) -> Figure:
-    """Lay images out at whole zoom, with a magnified corner of each, and the errors on their right."""
-    gap, top, right = 12, 88, 700
-    width, height = gap + len(images) * (SIDE + gap) + right, top + 2 * (SIDE + gap)
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    write_title(
-        figure,
-        "In dimension 5 of the global Sobol' sequence, blocks of pixels share one half\n"
-        "Z paper, Fig. 8; a grey ramp, and a corner magnified",
-        9,
-        y=1 - 14 / height,
-    )
-    for k, (name, image) in enumerate(images.items()):
-        left = gap + k * (SIDE + gap)
-        plot.place(figure, image, left, 2 * gap + SIDE, 1, title=name)
-        plot.place(figure, image[:CORNER, :CORNER], left, gap, SIDE // CORNER)
-    _curves(add_axes(figure, width - right + 110, 80, 460, height - top - 90), errors)
-    return figure
-
-
 def _curves(axes: Axes, errors: dict[str, dict[str, float]]) -> None:
-    """Draw errors over samples, those of DIM in colour, beside rates of independent and equidistant ones."""
-    for name, of in errors.items():
-        n = [int(count.removeprefix("n = ")) for count in of]
-        is_shown = name == f"dimension {DIM}"
-        look = {"color": plot.style("Sobol', full screen").color, "marker": "8", "ms": 5, "zorder": 3}
-        label = "other dimensions, 2 to 9" if name == f"dimension {COMPARED[0]}" else None
-        axes.plot(n, list(of.values()), **(look if is_shown else {"color": "0.6", "lw": 0.8, "label": label}))
-    counts = np.array([int(count.removeprefix("n = ")) for count in next(iter(errors.values()))])
-    ends = {f"dimension {DIM}": list(errors[f"dimension {DIM}"].values())[-1]}
-    for power, text in ((0.5, "independent"), (1.0, "equidistant")):
-        rate = 12**-0.5 * counts**-power
-        axes.plot(counts, rate, ":", color="black", lw=0.8)
-        ends[text] = rate[-1]
-    for text, end in ends.items():
-        axes.annotate(text, (counts[-1], end), (4, 0), textcoords="offset points", va="center", fontsize=8)
+    """Draw the error of DIM over samples, the range of the others, and rates of two kinds of samples."""
+    of = {int(count.removeprefix("n = ")): error for count, error in errors[f"dimension {DIM}"].items()}
+    others = [list(errors[f"dimension {dim}"].values()) for dim in COMPARED if dim != DIM]
+    counts = np.array(list(of))
+    axes.fill_between(
+        counts,
+        np.min(others, axis=0),
+        np.max(others, axis=0),
+        color="0.85",
+        label=f"dimensions {COMPARED[0]} to {COMPARED[-1]} but {DIM}",
+    )
+    for power, text, line in ((0.5, "independent samples", ":"), (1.0, "equidistant samples", "--")):
+        axes.plot(counts, 12**-0.5 * counts**-power, line, color="black", lw=0.8, label=text)
+    curve(axes, of, plot.style("Sobol', full screen"), label=f"dimension {DIM}", lw=1.5, ms=5)
     ticks = counts.tolist()
     name_axes(axes, "samples per pixel", "RMS error", log="xy", ticks=ticks, legend="lower left")
 

@@ -10,7 +10,6 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from figures import plot
-from figures._errors import rms
 from figures._rc import PAGE
 from figures.shared.sheets.panels import fold_title, write_title
 
@@ -99,9 +98,8 @@ def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE) -> Fig
             image = row.images.get(name)
             cells.append(None if image is None else Panel(caption, image, row.limits, marked=row.marked))
         table.append(cells)
-    figure, places = _sheet(
-        title, table, len(heads), LABEL, KEY * any(row.shades for row in rows.values()), 0, width
-    )
+    beside = any(row.shades and heads[-1] in row.images for row in rows.values())
+    figure, places = _sheet(title, table, len(heads), LABEL, KEY * beside, 0, width)
     across, down = figure.get_size_inches() * DPI
     for (label, row), (left, right, bottom, size) in zip(rows.items(), places, strict=True):
         x, y = (left - 16) / across, (bottom + size / 2) / down
@@ -122,7 +120,7 @@ def _sheet(
 ) -> tuple[Figure, list[tuple[int, int, int, int]]]:
     """Draw rows of images, centred; return left, right, bottom and height of each row."""
     width = round(inches * DPI)
-    size = (width - left - right) // columns - GAP
+    size = (width - left - right + GAP) // columns - GAP
     heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
     heads = [LINE * count + 16 * bool(count) for count in heads]
     sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
@@ -185,14 +183,6 @@ def axes_below(figure: Figure, height: int, count: int) -> list[Axes]:
     """Add axes side by side, with room for their names, below the images: to a height in pixels."""
     across = round(figure.get_size_inches()[0] * DPI) // count
     return [add_axes(figure, k * across + 190, 120, across - 230, height - 200) for k in range(count)]
-
-
-def errors(images: Mapping[str, NDArray], reference: NDArray, captions: Mapping[str, str]) -> Row:
-    """Return the row of what grey images are above and below a reference."""
-    found = {name: image - reference for name, image in images.items()}
-    scale = 3 * rms(list(found.values()))
-    ticks = {-scale: f"{-scale:.2g}", 0.0: "0", scale: f"{scale:.2g}"}
-    return Row(found, (-scale, scale), Shades("error", ticks), captions)
 
 
 def spectra(

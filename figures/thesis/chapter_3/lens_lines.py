@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from itertools import combinations
+from time import perf_counter
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -10,27 +12,42 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from figures._errors import rms
-from figures._rc import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from figures._rc import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from figures.plot import Style
 from figures.shared.costs import timed
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
-from figures.shared.sheets.panels import curve, curves, name_axes
+from figures.shared.sheets.panels import curves, name_axes
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import DirectLight
 
-SIDE = {"draft": 48, "paper": 96}
 SPP = 4
 """Samples of each line in each pixel."""
-MOST = {"draft": 16, "paper": 64}
-"""Lines."""
-EVEN = {"draft": 8, "paper": 16}
+DRAWN = 128
+"""Pixels of pictures along a side."""
+
+
+class Size(NamedTuple):
+    """How much is measured."""
+
+    side: int
+    most: int
+    """Lines."""
+    keys: int
+    """Independent randomisations of images whose bands are measured."""
+    reference: int
+    """Samples per pixel."""
+    drawn: int
+    """Samples of each line in each pixel of pictures."""
+
+
+SIZES = {"draft": Size(48, 16, 2, 512, 1), "paper": Size(96, 32, 4, 2048, 4)}
+EVEN = 8
 """Lines without the redistribution."""
-REFERENCE_SPP = {"draft": 512, "paper": 4096}
-SAMPLED = {"draft": 64, "paper": 1024}
-"""Most samples of the lens whose error is measured."""
+BANDED = 16
+"""Most lines whose bands are measured."""
 REPLICATES = 8
 ROOM = 12
 """Intervals of a ray."""
@@ -44,75 +61,64 @@ SIGMA = 1.5
 
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row "
-    f"of boxes is in focus. {{side}} x {{side}} pixels; lines are `tracing.lens_line` with {SPP} samples "
-    "per pixel each, consecutive parts of one Sobol' sequence, Owen-scrambled in each pixel. The "
-    f"reference is {{origin}} on the lens; its variance is subtracted from mean square errors. 'Points' "
-    "are images from lens points that all pixels share (Fig. 3.8); 'samples of the lens' are "
-    "Owen-scrambled in each pixel, as many as all lines have. Bands are the structure that two "
-    "independent randomisations share: the differences of displayed values (sRGB, 8 bits) from the "
-    f"reference, blurred by a Gaussian of {SIGMA:g} pixels, are multiplied and averaged over windows of "
-    f"{WINDOW} x {WINDOW} pixels; the root of the largest mean must be below {STEPS:g} steps, about 1 % "
-    "contrast. Noise cancels, as samples of the lens show, which have no bands. A line sample takes "
-    f"{{ratio:.0f}} times as long as a lens sample here (rays are traced by Numba if installed, lines by "
-    "XLA): at equal time, lens samples have less error unless shading is expensive."
+    "of boxes is in focus. {side} x {side} pixels are measured, pictures with {drawn} samples per line "
+    f"and pixel shown. Lines are `tracing.lens_line` with {SPP} samples per pixel each, consecutive "
+    "parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} on the lens; "
+    "its variance is subtracted from mean square errors. 'Points' are images from lens points that all "
+    "pixels share (Fig. 3.8); 'samples of the lens' are Owen-scrambled in each pixel, as many as all "
+    "lines have. Bands are the structure that {keys} independent randomisations share: the differences "
+    f"of displayed values (sRGB, 8 bits) from the reference, blurred by a Gaussian of {SIGMA:g} pixels, "
+    f"are multiplied in pairs and averaged over windows of {WINDOW} x {WINDOW} pixels; the root of the "
+    f"largest mean must be below {STEPS:g} steps, about 1 % contrast. Noise cancels, as samples of the "
+    "lens show, which have no bands. A line sample takes {ratio:.0f} times as long as a lens sample here "
+    "(rays are traced by Numba if installed, lines by XLA)."
 )
 
-
 Errors = dict[str, dict[int, float]]
-Images = dict[str, dict[int, NDArray]]
-"""By way, and number of lines, points or samples."""
+Images = dict[str, dict[int, list[NDArray]]]
+"""By way, and number of lines, points or samples: one of each randomisation."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render the scene by lines, points and samples of the lens, and measure errors and banding."""
-    side, most, even = SIDE[quality], MOST[quality], EVEN[quality]
+    size = SIZES[quality]
     scene = _scene()
     sobol = sequences.sobol(len(scene.needs))
-    exact = _reference(scene, side, REFERENCE_SPP[quality])
+    exact = _reference(scene, size.side, size.reference)
     progress(0.2)
-    lines, seconds = _of_lines(scene, most, side, True, 1, lambda part: progress(0.2 + 0.4 * part))
-    others, _ = _of_lines(scene, 16, side, True, 2, lambda part: progress(0.6 + 0.2 * part))
-    plain, _ = _of_lines(scene, even, side, False, 1, lambda part: progress(0.8 + 0.1 * part))
-    samples, of_sample = {}, 0.0
-    for k in range((SAMPLED[quality] // SPP).bit_length()):
-        sampler = samplers.independent(sobol, 1)
-        samples[SPP * 2**k], seconds_of = timed(scene_images.replicate, scene, sampler, side, SPP * 2**k)
-        of_sample = seconds_of.clock / (SPP * 2**k)
-    points = {}
-    for k in range(most.bit_length()):
-        sampler = samplers.interleaved(sobol, 2**k)
-        points[2**k] = scene_images.image(scene, sampler, side, 2**k)
-    progress(0.95)
+    lines, seconds = _of_lines(scene, size.most, size.side, SPP, 1)
+    progress(0.5)
+    plain, _ = _of_lines(scene, EVEN, size.side, SPP, 1, redistributed=False)
+    again = [_of_lines(scene, BANDED, size.side, SPP, key)[0] for key in range(2, size.keys + 1)]
+    progress(0.8)
 
-    counts = [2**k for k in range(most.bit_length())]
-    means = {count: lines[:: most // count].mean(axis=0) for count in counts}
-    plain_means = {n: plain[:: even // n].mean(axis=0) for n in counts if n <= even}
-    images = {
-        "lines": means,
-        "lines, evenly": plain_means,
-        "points": points,
-        "samples of the lens": {count: samples[SPP * count] for count in counts if SPP * count in samples},
-    }
-    errors = {
-        way: {n: diffusion.rms_error(image, exact) for n, image in of.items()} for way, of in images.items()
-    }
-    again = {
-        "lines": {n: others[:: 16 // n].mean(axis=0) for n in counts if n <= 16},
-        "points": points,
+    def samples(count: int, key: int) -> NDArray[np.float64]:
+        sampler = samplers.independent(sobol, key)
+        return scene_images.replicate(scene, sampler, size.side, SPP * count)
+
+    def points(count: int, side: int) -> NDArray[np.float64]:
+        return scene_images.image(scene, samplers.interleaved(sobol, count), side, count)
+
+    counts = [2**k for k in range(size.most.bit_length())]
+    images: Images = {
+        "lines": {n: [_mean(lines, n), *(_mean(of, n) for of in again if n <= BANDED)] for n in counts},
+        "lines, evenly": {n: [_mean(plain, n)] for n in counts if n <= EVEN},
+        "points": {n: [points(n, size.side)] for n in counts},
         "samples of the lens": {
-            n: scene_images.replicate(scene, samplers.independent(sobol, 2), side, SPP * n)
-            for n in counts
-            if n <= 16
+            n: [samples(n, key + 1) for key in range(size.keys if n <= BANDED else 1)] for n in counts
         },
     }
-    bands = {
-        way: {n: _banding(images[way][n], image, exact.image) for n, image in of.items()}
-        for way, of in again.items()
+    errors = {
+        way: {n: diffusion.rms_error(one, exact) for n, (one, *_) in of.items()} for way, of in images.items()
     }
-    whole = {n: diffusion.rms_error(image, exact) for n, image in samples.items()}
-    ratio = seconds / (SPP * of_sample)
-    chosen = min(16, even)
-    evenly, redistributed = (errors[way][chosen] for way in ("lines, evenly", "lines"))
+    bands = {
+        way: {n: _banding(of_count, exact.image) for n, of_count in of.items() if n <= BANDED}
+        for way, of in images.items()
+        if way != "lines, evenly"
+    }
+    began = perf_counter()
+    samples(BANDED, 1)
+    ratio = seconds / ((perf_counter() - began) / BANDED)
     numbers = {
         "measured": {
             "RMS error": _by_name(errors),
@@ -124,15 +130,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "the mean of lines approximates depth of field: each doubling up to 16 lines has less error": all(
                 errors["lines"][n] > errors["lines"][2 * n] for n in (1, 2, 4, 8)
             ),
-            "redistribution is important: without it at least twice the error": evenly > 2 * redistributed,
-            "16 lines show no banding: blurred structure of less than 2 steps of 255": (
-                bands["lines"][16] < STEPS
+            "redistribution is important: without it at least twice the error": (
+                errors["lines, evenly"][EVEN] > 2 * errors["lines"][EVEN]
             ),
+            "16 lines show no banding any more: 2 steps of 255 after a blur": {
+                "16 lines are below": bands["lines"][16] < STEPS,
+                "8 lines are above": bands["lines"][8] > STEPS,
+            },
         },
-        "note": NOTE.format(side=side, origin=exact.origin, ratio=ratio),
+        "note": NOTE.format(origin=exact.origin, ratio=ratio, **size._asdict()),
     }
-    at_equal_time = {n / (SPP * ratio): error for n, error in whole.items()}
-    return _draw(lines[:: most // 8], images, exact.image, errors, bands, at_equal_time), numbers
+    pictures, _ = _of_lines(scene, BANDED, DRAWN, size.drawn, 1)
+    wanted = _reference(scene, DRAWN, size.reference // 4).image
+    return _draw(pictures, points(BANDED, DRAWN), wanted, errors, bands), numbers
 
 
 def _scene() -> DirectLight:
@@ -191,32 +201,31 @@ def _reversed(number: int, count: int) -> int:
 
 
 def _of_lines(
-    scene: DirectLight,
-    count: int,
-    side: int,
-    redistributed: bool,
-    randomised: int,
-    progress: Callable[[float], None],
+    scene: DirectLight, count: int, side: int, spp: int, key: int, redistributed: bool = True
 ) -> tuple[NDArray[np.float64], float]:
     """Return the image of each line, and the shortest time of one."""
     images, times = [], []
-    sobol = samplers.independent(sequences.sobol(3), randomised)
-    for key, line in enumerate(tracing.lens_lines(count)):
+    sobol = samplers.independent(sequences.sobol(3), key)
+    for number, line in enumerate(tracing.lens_lines(count)):
         of_line = tracing.lens_line(scene, line, ROOM, redistributed=redistributed)
-        sampler = samplers.as_sampler("sampler", _Later(sobol, np.uint32(SPP * _reversed(key, count))))
-        image, seconds = timed(scene_images.replicate, of_line, sampler, side, SPP)
+        sampler = samplers.as_sampler("sampler", _Later(sobol, np.uint32(spp * _reversed(number, count))))
+        image, seconds = timed(scene_images.replicate, of_line, sampler, side, spp)
         images.append(image)
         times.append(seconds.clock)
-        progress((key + 1) / count)
     return np.stack(images), min(times)
 
 
-def _banding(one: NDArray, other: NDArray, exact: NDArray) -> float:
-    """Return how large errors are in some window, in steps of 8 bits, that two images have in common."""
-    first, second = (
-        gaussian_filter(255 * (shown(image) - shown(exact)), (SIGMA, SIGMA, 0)) for image in (one, other)
-    )
-    common = (first * second).mean(axis=2)
+def _mean(lines: NDArray, count: int) -> NDArray[np.float64]:
+    """Return the mean of the images of so many lines at equal angles."""
+    return lines[:: len(lines) // count].mean(axis=0)
+
+
+def _banding(images: list[NDArray], exact: NDArray) -> float:
+    """Return how large errors are in some window, in steps of 8 bits, that images have in common."""
+    blurred = [gaussian_filter(255 * (shown(image) - shown(exact)), (SIGMA, SIGMA, 0)) for image in images]
+    # Points have no other randomisation: what they lack is all structure.
+    pairs = list(combinations(blurred, 2)) or [(blurred[0], blurred[0])]
+    common = np.mean([one * other for one, other in pairs], axis=0).mean(axis=2)
     windows = len(common) // WINDOW
     means = common.reshape(windows, WINDOW, windows, WINDOW).mean(axis=(1, 3))
     return float(np.sqrt(max(means.max(), 0.0)))
@@ -226,38 +235,24 @@ def _by_name(table: Errors) -> dict[str, dict[str, float]]:
     return {way: {str(count): value for count, value in of.items()} for way, of in table.items()}
 
 
-def _draw(
-    lines: NDArray,
-    images: Images,
-    exact: NDArray,
-    errors: Errors,
-    bands: Errors,
-    at_equal_time: dict[float, float],
-) -> Figure:
-    below = 640
-    eight = [Panel(f"line {k + 1} of 8", shown(image)) for k, image in enumerate(lines)]
-    most = max(images["lines, evenly"])
-    means = [
-        Panel("reference", shown(exact)),
-        Panel("8 lines", shown(images["lines"][8])),
-        Panel("16 lines", shown(images["lines"][16])),
-        Panel(f"{most} lines, evenly", shown(images["lines, evenly"][most])),
-    ]
-
+def _draw(lines: NDArray, points: NDArray, exact: NDArray, errors: Errors, bands: Errors) -> Figure:
     def off(caption: str, image: NDArray) -> Panel:
         return Panel(caption, (255 * (shown(image) - shown(exact))).mean(axis=2), (-24.0, 24.0))
 
-    differences = [
-        off("8 lines: error", images["lines"][8]),
-        off("16 lines: error", images["lines"][16]),
-        off(f"{most} evenly: error", images["lines, evenly"][most]),
-        off("16 points: error", images["points"][16]),
+    panels = [
+        Panel("one line of 8", shown(lines[2 * len(lines) // 8])),
+        Panel("mean of 8 lines", shown(_mean(lines, 8))),
+        Panel("reference", shown(exact)),
+        off("error of 8 lines", _mean(lines, 8)),
+        off("error of 16 lines", _mean(lines, 16)),
+        off("error of 16 points", points),
     ]
     title = (
         "Each doubling of the lines on the lens, up to 16, lowers the error\n"
         "thesis, Fig. 3.11; depth of field; errors: black to white is -24 to 24 of 255"
     )
-    figure = image_grid(title, [*eight, *means, *differences], 4, below)
+    below = 760
+    figure = image_grid(title, panels, 3, below)
     styles = {
         "lines": Style(BLUE, "o"),
         "lines, evenly": Style(VERMILLION, "s"),
@@ -267,15 +262,15 @@ def _draw(
     left, right = axes_below(figure, below, 2)
     curves(left, errors, styles, lw=1.5)
     curves(right, bands, styles, lw=1.5)
-    curve(left, at_equal_time, Style(GREEN, "", ":"), lw=1.5, label="lens, at equal time")
     right.axhline(STEPS, color=GREY, lw=0.8)
-    ticks = list(errors["lines"])
-    for axes, y, title in (
-        (left, "RMS error", "RMS error, linear RGB"),
-        (right, "steps of 255", "Bands: errors in common, after a blur (grey: limit)"),
+    for axes, of, y, title in (
+        (left, errors, "RMS error", "RMS error, linear RGB"),
+        (right, bands, "steps of 255", "Bands: common errors after a blur"),
     ):
         x = f"lines ({SPP} samples per pixel each), or points"
-        name_axes(axes, x, y, title, log="xy", ticks=ticks, few_decades=True)
-        axes.set_xlim(0.9, max(ticks) * 1.1)
-    left.legend(loc="upper right", frameon=False)
+        name_axes(axes, x, y, title, log="xy", ticks=list(of["lines"]), few_decades=True)
+    left.set_ylim(min(errors["lines"].values()) / 5, None)
+    right.set_ylim(0.5, None)
+    left.legend(loc="lower left", frameon=False)
+    right.text(1, STEPS, "limit", va="bottom")
     return figure

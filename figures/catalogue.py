@@ -86,7 +86,7 @@ TITLES = {
     "thesis-5.9": "Matrices searched for m = 13 have larger distances there, smaller ones at m = 4 to 11",
     "thesis-5.11": "Shifts keep the minimum distance of a net, but not its elementary intervals",
     "thesis-5.12": "Frames of the Sobol' sequence are nets, superimposed a larger net",
-    "thesis-5.14": "The iterative construction gives a (0,9,2)-net of squared distance 2^9",
+    "thesis-5.14": "The iterative construction gives a (0,9,2)-net of squared distance 512",
     "thesis-5.15": "The theorem on permutation nets holds, two of its printed formulas do not",
     "thesis-5.16": "Permutation nets have the squared distances that are printed",
     "thesis-5.17": "The iterative construction gives a (0,8,2)-net of squared distance 241",

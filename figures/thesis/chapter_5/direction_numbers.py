@@ -94,8 +94,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         axes = add_axes(figure, box.x0 + 30, 110, box.width - 30, box.width - 30)
         point_plots.scatter(axes, shown, color=COLORS[name])
     box = corners[0]
-    for way, bottom in ((ALONG, box.y0), (OVER, 110)):
-        axes = add_axes(figure, figure.bbox.width - 540, bottom, 520, box.height - 30)
+    for way, bottom in ((ALONG, box.y0 + 30), (OVER, 110)):
+        axes = add_axes(figure, figure.bbox.width - 540, bottom, 520, box.height - 50)
         for name, errors in filtered[way].items():
             axes.plot(components, errors, ".-", lw=0.8, color=COLORS[name])
         name_axes(axes, "component of the light", "filtered error", way, log="y", few_decades=True)

@@ -192,7 +192,9 @@ def thesis_5_20(quality: str, progress: Callable[[float], None]) -> tuple[Figure
         "thesis, Fig. 5.18 to 5.20; m = 6, cut into pixels",
     )
     for k, part in enumerate(pattern):
-        point_plots.scatter(axes[0], part / (side * TILES), "4 x 4 pixels", ms=2.5, color=f"C{k // TILES}")
+        point_plots.scatter(
+            axes[0], part / (side * TILES), "4 x 4 pixels, alike in each row", ms=2.5, color=f"C{k // TILES}"
+        )
     point_plots.grid(axes[0], TILES, TILES)
     point_plots.grid(axes[1], TILES, TILES, color="0.9")
     point_plots.scatter(axes[1], whole / (side * TILES), "tiles, each row moved by a quarter", ms=2.5)
@@ -275,7 +277,7 @@ def _draw(sets: dict[str, NDArray]) -> Figure:
     figure, axes = point_plots.panels(len(sets), title, columns=3)
     for panel, (name, points) in zip(axes, sets.items(), strict=True):
         distance = analysis.min_distance(points)
-        text = f"{name}: distance {distance:.4f},\none point in {_occupied(points):.0%} of intervals"
+        text = f"{name}: distance {distance:.4f},\none point in {100 * _occupied(points):.0f} % of intervals"
         point_plots.grid(panel, 2 ** (M_5_23 // 2), 2 ** (M_5_23 // 2))
         point_plots.scatter(panel, points, text, color=plot.style("permutation").color)
     return figure

@@ -47,7 +47,8 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     """Draw the point sets for m = 1, 3, 5, 7, 9, and the last one wrapped."""
     figure, axes = point_plots.panels(
         6,
-        "The iterative construction gives a (0,9,2)-net of squared distance $2^9$\nthesis, Fig. 5.14",
+        "The iterative construction gives a (0,9,2)-net of squared distance 512\n"
+        "thesis, Fig. 5.14; grey: the unit square; orange: points beyond it, and where they are wrapped to",
         columns=3,
         shape=0.5,
     )
@@ -61,7 +62,6 @@ def thesis_5_14(quality: str, progress: Callable[[float], None]) -> tuple[Figure
             "its squared distance is 2^m": squared == 2**M_5_14,
             "it equals the direct construction, Eq. 5.44": is_direct(net, M_5_14),
         },
-        "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to.",
     }
 
 
@@ -119,7 +119,8 @@ def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     """Draw the point sets for m = 4, 6, 8, and the last one wrapped."""
     figure, axes = point_plots.panels(
         4,
-        "The iterative construction gives a (0,8,2)-net of squared distance 241\nthesis, Fig. 5.17",
+        "The iterative construction gives a (0,8,2)-net of squared distance 241\n"
+        "thesis, Fig. 5.17; grey: the unit square; orange: points beyond it, and where they are wrapped to",
         shape=0.8,
     )
     net = construct(axes, range(4, M_5_17 + 1, 2), unwrapped_even, 1.25)
@@ -132,9 +133,8 @@ def thesis_5_17(quality: str, progress: Callable[[float], None]) -> tuple[Figure
             "its squared distance is 241": squared == 241,
             "it equals the direct construction": is_direct(net, M_5_17),
         },
-        "note": "Grey: the square with the net. Orange: points beyond it, and where they are wrapped to. "
-        "Distance with the sheared tiling. Step 1 moves P_1 and P_3, Eq. 5.45. The sentence above it moves "
-        "P_0 and P_2: nets, too, but of squared distance 41, 164, 656 for m = 6, 8, 10.",
+        "note": "Distance with the sheared tiling. Step 1 moves P_1 and P_3, Eq. 5.45. The sentence above it "
+        "moves P_0 and P_2: nets, too, but of squared distance 41, 164, 656 for m = 6, 8, 10.",
     }
 
 
@@ -155,7 +155,7 @@ def thesis_5_15(quality: str, progress: Callable[[float], None]) -> tuple[Figure
     figure, axes = point_plots.panels(
         6,
         "The theorem on permutation nets holds, two of its printed formulas do not\n"
-        "thesis, Fig. 5.15; cases in the proof for m = 5",
+        "thesis, Fig. 5.15; cases of the proof for m = 5: the shaded intervals hold one point each",
         columns=3,
     )
     counts = {}

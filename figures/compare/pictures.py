@@ -10,20 +10,22 @@ from matplotlib.figure import Figure
 
 from analysis import ComparisonRow
 from figures import plot
+from figures._rc import PAGE
 from figures.compare.scores import BASE, MEASURES, Ratios, Score, class_means, families
 from figures.compare.tasks import SCENE_CLASSES
 from figures.shared.rivals import RIVALS
+from figures.shared.sheets.panels import legend_below
 
 DRAWN = ("rms", "filtered")
 """Measures, a panel each."""
 
-MOST = 2
+MOST = 1
 """Names of entries that a title has."""
 
 NONE = Score(np.nan, np.nan, np.nan)
 
-DPI = 100
-"""Spectra are as wide as the page, in pixels."""
+DPI = 200
+"""Of spectra."""
 
 Curves = dict[str, dict[int, Score]]
 """By entry and number of samples; of an entry without a measure, none."""
@@ -53,8 +55,9 @@ def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[
 def errors(place: str, of: Mapping[str, Curves], names: Iterable[str], spps: Sequence[int]) -> bytes:
     """Draw the curves of a family or scene as SVG, a panel for each measure; ``names``: of all entries."""
     labels = [_label(name) for name in names]
-    with mpl.rc_context({"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}):
-        figure = Figure(figsize=(12, 4.5), layout="constrained")
+    look = {"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}
+    with plot.rc(), mpl.rc_context(look):
+        figure = Figure(figsize=(PAGE, 3.2), layout="constrained")
         for axes, (measure, by_entry) in zip(figure.subplots(1, len(of)), of.items(), strict=True):
             means, bands = {}, {}
             for name, scores in by_entry.items():
@@ -100,19 +103,21 @@ def spectra(scene: str, rows: Sequence[ComparisonRow], names: Iterable[str]) -> 
     """Draw the radial power of the errors of a scene as PNG, at the least and the most samples."""
     counts, labels = sorted({row.spp for row in rows}), [_label(name) for name in names]
     counts = counts[:: max(1, len(counts) - 1)]
-    figure = Figure(figsize=(5.8 * len(counts), 3.4), layout="constrained")
-    for axes, spp in zip(np.ravel(figure.subplots(1, len(counts))), counts, strict=True):
-        for row in [row for row in rows if row.spp == spp]:
-            look = plot.style(_label(row.sampler), labels)
-            axes.plot(
-                row.frequency, row.power, look.line, color=look.color, lw=1.2, label=_label(row.sampler)
-            )
-        axes.axhline(1, color="0.6", lw=0.8, zorder=0)
-        label = "power of the error (white noise: 1)"
-        axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=label)
-        axes.set_title(f"{scene}, {spp} spp")
-        axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1, 1))
-    return _file(figure, format="png", dpi=DPI, metadata={"Software": None})
+    with plot.rc():
+        figure = Figure(figsize=(PAGE, 2.6 + 0.16 * -(-len(labels) // 4)), layout="constrained")
+        panels = figure.subplots(1, len(counts), squeeze=False)[0]
+        for axes, spp in zip(panels, counts, strict=True):
+            of = [row for row in rows if row.spp == spp]
+            for k, row in enumerate(of):
+                look, label = plot.style(_label(row.sampler), labels), _label(row.sampler)
+                marks: Any = {"marker": look.marker, "ms": 4, "markevery": (0.1 * k / len(of), 0.1)}
+                axes.plot(row.frequency, row.power, look.line, color=look.color, lw=1.2, label=label, **marks)
+            axes.axhline(1, color="0.6", lw=0.8, zorder=0)
+            label = "power of the error (white noise: 1)"
+            axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=label)
+            axes.set_title(f"{scene}, {spp} samples per pixel")
+        legend_below(figure, panels[0])
+        return _file(figure, format="png", dpi=DPI, metadata={"Software": None})
 
 
 def _file(figure: Figure, **how: Any) -> bytes:

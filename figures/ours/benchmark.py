@@ -1,7 +1,7 @@
 """Run time against error: samplers in exact and traced scenes, and images by other programs."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -48,21 +48,13 @@ def lines(axes: Axes, rows: Rows, by: str, styles: Mapping[str, Style] | None = 
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def count_samples(rows: Rows) -> str:
-    """Return in words which numbers of samples rows have."""
-    counts = sorted({row["spp"] for row in rows})
-    return f"{counts[0]} spp" if len(counts) == 1 else f"{counts[0]} to {counts[-1]} spp"
-
-
-def legend(
-    figure: Figure, panels: Iterable[Axes], height: Literal["upper", "center", "lower"], title: str
-) -> None:
-    """Name on the right of all panels what they show, at this height."""
-    loc: Any = f"outside right {height}"  # matplotlib's types know the sides inside only
+def legend(figure: Figure, panels: Iterable[Axes], side: str, columns: int, title: str) -> None:
+    """Name below all panels, on one side, what some of them show."""
+    loc: Any = f"outside lower {side}"  # matplotlib's types know the sides inside only
     named = {
         name: line for axes in panels for line, name in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(named.values(), named.keys(), loc=loc, title=title, frameon=False)
+    figure.legend(named.values(), named.keys(), loc=loc, ncols=columns, title=title, frameon=False)
 
 
 def best(rows: Rows, by: str) -> Rows:
@@ -109,14 +101,8 @@ SIZES = {
     "paper": Size(128, (1, 4, 16, 64), 3, 4, 5, 1024),
 }
 
-STYLES = {name: style(name) for name in OURS} | {
-    "Mitsuba, independent": Style(*style("random")[:2], "--"),
-    "Mitsuba, stratified": Style(*style("jittered grid")[:2], "--"),
-    "Mitsuba, multijitter": Style("C2", "v", "--"),
-    "Mitsuba, orthogonal": Style("C2", "^", "--"),
-    "Mitsuba, ldsampler": Style("C4", "D", "--"),
-}
-"""Mitsuba's are dashed."""
+SHOWN = ("checkerboard", "soft shadow", "Cornell box, area light", "interior, 4 bounces", "helicopter")
+"""Scenes that have a panel, and a row of the table as all others."""
 
 COLUMNS = 3
 """Of panels."""
@@ -140,16 +126,6 @@ NOTE = (
 )
 
 
-class Panel(NamedTuple):
-    """What a panel shows: its lines, which are by sampler or program, and their looks."""
-
-    scene: str
-    side: int
-    rows: Rows
-    by: str
-    styles: Mapping[str, Style] | None
-
-
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure in separate processes, and traced scenes here, and draw error over time."""
     sweep = this_machine.measure_apart(speed_sweep, quality)
@@ -162,13 +138,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         {**row, "seconds": float(np.median(row["seconds"])), "rms error": row["error"]}
         for row in peers["rows"]
     ]
-    panels = [
-        *_panels(sweep["rows"], sweep["side"], "sampler", None),
-        *_panels(programs, peers["side"], "program", PROGRAMS),
-        *_panels(traced, size.side, "sampler", STYLES),
-    ]
+    found = {name: _compare(rows) for name, rows in _by_scene(traced).items()}
     missing = "" if mitsuba_scenes.installed() else " Mitsuba is not installed: pip install mitsuba."
-    return _draw(panels, floors), {
+    return _draw([*sweep["rows"], *traced], programs, floors, found), {
         "table": [{key: row[key] for key in TABLE} for row in [*sweep["rows"], *traced]],
         "measured": {
             "best": {name: best(rows, "sampler") for name, rows in _by_scene(sweep["rows"]).items()},
@@ -176,10 +148,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             "time of the peer / ours at equal error": {
                 name: _ratios(rows) for name, rows in _by_scene(programs).items()
             },
-            "traced": {
-                name: _compare(rows) | {"error of the reference": floors[name]}
-                for name, rows in _by_scene(traced).items()
-            },
+            "traced": {name: of | {"error of the reference": floors[name]} for name, of in found.items()},
         },
         "claims": {
             "all samplers of low discrepancy have less error than random samples at the largest count": {
@@ -219,32 +188,28 @@ def _by_scene(rows: Rows) -> dict[str, Rows]:
     }
 
 
-def _panels(rows: Rows, side: int, by: str, styles: Mapping[str, Style] | None) -> list[Panel]:
-    return [Panel(name, side, of, by, styles) for name, of in _by_scene(rows).items()]
-
-
-def _draw(panels: Sequence[Panel], floors: Mapping[str, float]) -> Figure:
-    rows = -(-len(panels) // COLUMNS)
+def _draw(rows: Rows, programs: Rows, floors: Mapping[str, float], found: Mapping[str, dict]) -> Figure:
+    """Draw scenes by samplers, then one by programs."""
+    shown = {name: of for name, of in _by_scene(rows).items() if name in SHOWN}
+    down = -(-(len(shown) + 1) // COLUMNS)
+    longer = [of["times as long as the fastest of ours"]["random"] for of in found.values()]
+    factor = f"{min(longer):.1f}" + f" to {max(longer):.1f}" * (len(longer) > 1)
     figure = new_figure(
-        "Points that cost more must save samples: error over run time, one mark for each number of samples\n"
-        "(lower left is better; grey: error of the reference)",
-        3.2 * rows + 0.6,
+        f"Random samples take {factor} times as long as the fastest sampler for an equal error\n"
+        "traced scenes; one mark for each number of samples, lower left is better; grey: the reference's error",
+        2.0 * down + 1.8,
     )
-    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
-    kinds: dict[str, list[Axes]] = {}
-    for ax, panel in zip(axes, panels, strict=False):
-        lines(ax, panel.rows, panel.by, panel.styles)
-        kind = f"{panel.by}s" if panel.styles is not STYLES else "samplers, traced scenes"
-        kinds.setdefault(kind, []).append(ax)
-        if panel.scene in floors:
-            ax.axhline(floors[panel.scene], color="0.6", lw=0.8, zorder=0)
-        title = panel.scene.replace("_", " ")
-        ax.set_title(f"{title}, {panel.side} x {panel.side}, {count_samples(panel.rows)}")
-    for ax in axes[len(panels) :]:
-        ax.set_axis_off()
-    heights: tuple[Literal["upper", "center", "lower"], ...] = ("upper", "center", "lower")
-    for height, (kind, drawn) in zip(heights, kinds.items(), strict=True):
-        legend(figure, drawn, height, kind)
+    *panels, last = figure.subplots(down, COLUMNS, squeeze=False).ravel()[: len(shown) + 1]
+    for axes, (name, of) in zip(panels, shown.items(), strict=True):
+        lines(axes, of, "sampler")
+        if name in floors:
+            axes.axhline(floors[name], color="0.6", lw=0.8, zorder=0)
+        axes.set_title(name)
+    (name, of), *_ = _by_scene(programs).items()
+    lines(last, of, "program", PROGRAMS)
+    last.set_title(f"{name}, by programs")
+    legend(figure, panels, "left", 3, "Samplers")
+    legend(figure, [last], "right", 1, "Programs")
     return figure
 
 

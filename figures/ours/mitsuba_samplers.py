@@ -15,7 +15,6 @@ import analysis
 from figures import plot
 from figures._errors import rms
 from figures.making import this_machine
-from figures.ours import benchmark
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
@@ -198,13 +197,6 @@ def _missing() -> tuple[Figure, dict]:
     return figure, {"measured": {}, "note": note}
 
 
-def _style(sampler: str) -> plot.Style:
-    name = shown(sampler)
-    if name == "Mitsuba, multijitter":  # Its colour elsewhere is that of our optimised orders.
-        return plot.Style(plot.style("rank-1 lattice").color, "v", "--")
-    return benchmark.STYLES[name] if name in benchmark.STYLES else plot.style(sampler)
-
-
 ROW, HIGH, BAR = 266, 190, 26
 """Pixels from one row of curves to the next, of one of them, and of a bar."""
 
@@ -260,7 +252,7 @@ def _draw_errors(axes: Axes, what: str, scene: str, rows: list[dict[str, Any]], 
     for sampler in size.samplers:
         name = shown(sampler)
         chosen = {row["spp"]: row[what] for row in rows if (row["scene"], row["sampler"]) == (scene, name)}
-        curve(axes, chosen, _style(sampler), label=name)
+        curve(axes, chosen, plot.style(shown(sampler)), label=name)
     name_axes(axes, "samples per pixel", what, log="xy", ticks=size.counts, few_decades=True)
 
 
@@ -268,7 +260,7 @@ def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size
     base = taken["independent"][1]
     for k, sampler in enumerate(size.samplers):
         ratio = base / taken[sampler][1]
-        axes.barh(k, ratio, color=_style(sampler).color)
+        axes.barh(k, ratio, color=plot.style(shown(sampler)).color)
         axes.text(ratio, k, f"  {ratio:.2f}", va="center", fontsize=8)
     axes.set_yticks(range(len(size.samplers)), list(map(shown, size.samplers)))
     axes.invert_yaxis()
@@ -281,7 +273,7 @@ def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Refer
     for sampler in size.samplers:
         image = images[Run(sampler, SPECTRUM_SPP, KEY)]
         frequency, mean = analysis.radial_average(analysis.error_spectrum(image[area], exact.image[area]))
-        drawn = _style(sampler)
+        drawn = plot.style(shown(sampler))
         axes.plot(frequency / max(image[area].shape[:2]), mean, drawn.line, color=drawn.color, lw=1.2)
     axes.axhline(1, color="0.6", lw=0.8, zorder=0)
     axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=f"power, {SPECTRUM_SPP} spp")

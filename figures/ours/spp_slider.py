@@ -14,6 +14,7 @@ from figures import plot
 from figures._errors import rms
 from figures.playground import ours
 from figures.shared.sampler_errors import which_sampler
+from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
@@ -63,12 +64,13 @@ def make(
             errors.setdefault(name, {})[f"{spp} spp"] = rms(image - reference)
         progress(done / (1 + len(COUNTS)))
     measured = {"rms_error": errors, "reference_error_bound": float(bound)}
-    figure = Figure(figsize=(7, 4.6), layout="constrained")
-    plot.convergence(
-        COUNTS,
-        {name: list(of.values()) for name, of in errors.items()},
-        title=f"The checkerboard, {SIDE} x {SIDE} pixels, one key",
-        ax=figure.subplots(),
+    last = {name: of[f"{COUNTS[-1]} spp"] for name, of in errors.items()}
+    factor = last["random"] / min(last.values())
+    figure = new_figure(
+        f"At {COUNTS[-1]} samples per pixel, random samples have {factor:.1f} times the error of the best sampler\n"
+        f"checkerboard, {SIDE} x {SIDE} pixels, one key",
+        3.4,
     )
+    plot.convergence(COUNTS, {name: list(of.values()) for name, of in errors.items()}, ax=figure.subplots())
     handed = {"playground.js": ours(SIDE).script.encode(), "which.html": which_sampler().encode()}
     return figure, {"measured": measured, "note": NOTE}, images, handed

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
+from figures._rc import COLUMN
 from figures.plot._panels import check_texts, number, panel
 from figures.plot._style import style
 from qmcjax.core import checks
@@ -23,8 +25,8 @@ _STEEPEST = 8.0
 """Largest power of the number of samples that is drawn."""
 
 _RATE = "0.5"
-_LINE = 0.055
-"""Least distance of names, in heights of the axes."""
+_LINE = 1.35
+"""Least distance of names, in sizes of their letters."""
 
 
 def convergence(
@@ -98,7 +100,7 @@ def convergence(
     for name, values in of.items():
         if values.shape != x.shape or not ((values > 0) | np.isnan(values)).all() or np.isnan(values).all():
             raise ValueError(f"errors[{name!r}] must be {len(x)} positive numbers, got {values.tolist()}")
-    ax = panel(ax, (5.6, 3.8))
+    ax = panel(ax, (COLUMN, 2.5))
     scale = x**times
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
@@ -138,8 +140,10 @@ def _names(ax: Axes, named: Sequence[tuple[str, float, str]]) -> None:
     """Write names, in their colours, right of where their curves end, apart from each other, with lines."""
     low, high = np.log(ax.get_ylim())
     ordered = sorted((float((np.log(end) - low) / (high - low)), name, color) for name, end, color in named)
+    height = 72 * ax.bbox.height / ax.get_figure(root=True).dpi
+    places = _apart([end for end, _, _ in ordered], _LINE * mpl.rcParams["font.size"] / height)
     across = blended_transform_factory(ax.transAxes, ax.transAxes)
-    for (end, name, color), place in zip(ordered, _apart([end for end, _, _ in ordered]), strict=True):
+    for (end, name, color), place in zip(ordered, places, strict=True):
         ax.annotate(
             name,
             (1.0, end),
@@ -160,15 +164,15 @@ def _names(ax: Axes, named: Sequence[tuple[str, float, str]]) -> None:
         )
 
 
-def _apart(places: Sequence[float]) -> NDArray[Any]:
+def _apart(places: Sequence[float], line: float) -> NDArray[Any]:
     """Return places from 0 on near some that ascend, at least a line apart (pool adjacent violators)."""
     blocks: list[list[float]] = []  # sums of what is left of the steps, and how many
     for k, place in enumerate(places):
-        blocks.append([place - k * _LINE, 1])
+        blocks.append([place - k * line, 1])
         while len(blocks) > 1 and blocks[-2][0] / blocks[-2][1] > blocks[-1][0] / blocks[-1][1]:
             total, count = blocks.pop()
             blocks[-1][0] += total
             blocks[-1][1] += count
     means = np.repeat([total / count for total, count in blocks], [int(count) for _, count in blocks])
-    apart = means + np.arange(len(places)) * _LINE
+    apart = means + np.arange(len(places)) * line
     return apart - min(apart[0], 0.0)

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
+from figures._rc import COLUMN
 from figures.plot._panels import check_texts, number
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, numbers, require
@@ -39,7 +40,7 @@ def image(
         Grey or linear RGB.
     title : str, optional
     zoom : int, optional
-        Pixels of the figure per pixel, at least 1; by default what makes the image about 512 wide.
+        Pixels of the figure per pixel, at least 1; by default as large as a text column allows.
     limits : (float, float), optional
         Values that are black and white; others are clipped.
     transfer : {"linear", "srgb"}, optional
@@ -71,7 +72,7 @@ def _drawn(
 ) -> Figure:
     height, width = array.shape[:2]
     if zoom is None:
-        zoom = max(1, round(512 / width))
+        zoom = max(1, (round(COLUMN * DPI) - 2 * _MARGIN) // width)
     zoom = checks.integer("zoom", zoom, 1, _MOST)
     check_texts(title=title)
     whole = zoom * width + 2 * _MARGIN, zoom * height + 2 * _MARGIN + _HEAD * bool(title)

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 import analysis
+from figures._rc import COLUMN
 from figures.plot._style import style
 from qmcjax.core import checks
 from qmcjax.core.parameters import known, numbers, require
@@ -94,7 +95,7 @@ def points(
     if cells is not None and (not isinstance(cells, tuple | list) or len(cells) != 2):
         raise TypeError(f"cells must be (columns, rows), got {checks.shown(cells)}")
     counts = [checks.integer("cells", count, 1, 2**12) for count in cells or (1, 1)]
-    ax = panel(ax, (3.2, 3.4))
+    ax = panel(ax, (COLUMN, 3.4))
     for count, line in zip(counts, (ax.axvline, ax.axhline), strict=True):
         for k in range(1, count):
             line(k / count, color="0.85", lw=0.6, zorder=0)
@@ -161,7 +162,7 @@ def order(order: Any, *, title: str = "", ax: Axes | None = None, **style: Any) 
     position = position[sequence]
     path = np.stack([x.ravel()[sequence], y.ravel()[sequence]], axis=1).astype(float)
     path = np.insert(path, np.flatnonzero(np.diff(position) > 1) + 1, np.nan, axis=0)
-    ax = panel(ax, (3.2, 3.4))
+    ax = panel(ax, (COLUMN, 3.4))
     look: dict[str, Any] = {"lw": float(np.clip(40 / max(width, height), 0.4, 2))} | style
     ax.plot(path[:, 0], path[:, 1], **look)
     ax.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xticks=[], yticks=[], aspect="equal")
@@ -206,7 +207,7 @@ def spectrum(
     check_texts(title=title)
     if not isinstance(spectra, Mapping):
         power = numbers("spectra", known("spectra", spectra), (None, None))
-        ax = panel(ax, (3.4, 3.4))
+        ax = panel(ax, (COLUMN, 3.2))
         ax.imshow(
             np.fft.fftshift(power),
             cmap="gray",
@@ -215,14 +216,18 @@ def spectrum(
             interpolation="nearest",
             extent=(-0.5, 0.5, 0.5, -0.5),
         )
-        ax.set(xticks=[-0.5, 0, 0.5], yticks=[-0.5, 0, 0.5], xlabel="cycles per pixel", title=title)
+        ax.set(xticks=[-0.5, 0, 0.5], yticks=[-0.5, 0, 0.5], title=title)
+        ax.set(xlabel="cycles per pixel across", ylabel="cycles per pixel down")
         return ax
-    ax = panel(ax, (4.8, 3.2))
-    for name, of in spectra.items():
+    ax = panel(ax, (COLUMN, 2.5))
+    for k, (name, of) in enumerate(spectra.items()):
         power = numbers(f"spectra[{name!r}]", known("spectra", of), (None, None))
         frequency, mean = analysis.radial_average(power)
         drawn = style(name, spectra)
-        ax.plot(frequency / max(np.shape(of)), mean, drawn.line, color=drawn.color, lw=1.2, label=name)
+        look: dict[str, Any] = {"color": drawn.color, "marker": drawn.marker, "ms": 4, "lw": 1.2}
+        # Some have one colour and line: the marks tell them apart, each at places of its own.
+        look["markevery"] = (0.1 * k / len(spectra), 0.1)
+        ax.plot(frequency / max(np.shape(of)), mean, drawn.line, label=name, **look)
     ax.axhline(1, color="0.6", lw=0.8, zorder=0)
     ax.set(
         xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel="power (white noise: 1)", title=title

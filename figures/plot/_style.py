@@ -34,14 +34,14 @@ SAMPLERS: dict[str, Style] = {
     "Sobol' net": Style(ORANGE, "D"),
     "modified Sobol' net": Style(GREEN, "d"),
     # One set over the screen.
-    "Hammersley": Style(ORANGE, "h"),
+    "Hammersley": Style(ORANGE, "s"),
     "Larcher-Pillichshammer": Style(GREEN, "v"),
     "optimised matrices": Style(SKY, "P"),
     "permutation": Style(VERMILLION, "^"),
     "Sobol' net, full screen": Style(ORANGE, ">", "--"),
     "modified Sobol' net, full screen": Style(GREEN, "<", "--"),
     "Sobol', full screen": Style(SKY, "8"),
-    "Halton, full screen": Style(SKY, "H", "--"),
+    "Halton, full screen": Style(SKY, "v", "--"),
     # Optimised for what is left of errors after a filter.
     "dither mask": Style(YELLOW, "X"),
     "ranked keys": Style(PURPLE, "*"),
@@ -80,6 +80,12 @@ SAMPLERS: dict[str, Style] = {
     "optimised orders": Style(GREEN, "*"),
     "optimised orders, new keys": Style(GREEN, "X", "--"),
     "optimised orders, moving": Style(GREEN, "P", "-."),
+    # Mitsuba's.
+    "Mitsuba, independent": Style(DARK, "o", "--"),
+    "Mitsuba, stratified": Style(DARK, "s", "--"),
+    "Mitsuba, multijitter": Style(DARK, "v", "--"),
+    "Mitsuba, orthogonal": Style(DARK, "^", "--"),
+    "Mitsuba, ldsampler": Style(DARK, "D", "--"),
 }
 """In the order of legends. One colour may stand for a family, colour and marker together for one sampler."""
 

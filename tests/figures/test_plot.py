@@ -8,6 +8,10 @@ from matplotlib.figure import Figure
 
 import analysis
 from figures import plot
+from figures.ours import designed_tiles, mitsuba_samplers, screen_space, spp_slider
+from figures.shared.rivals import RIVALS
+from figures.shared.timing import speed_sweep
+from figures.z import z_12
 from qmcjax import orders, sequences
 
 
@@ -18,9 +22,26 @@ def ax():
 
 def test_colour_marker_and_line_together_are_one_samplers():
     styles = list(plot.SAMPLERS.values())
-    assert len({(each.color, each.marker) for each in styles}) == len(styles)
+    round_ones = str.maketrans(".8hH", "oooo")
+    assert len({(each.color, each.marker.translate(round_ones)) for each in styles}) == len(styles)
     # On white: a contrast of at least 2 to 1, but for yellow, which is drawn with a marker of its own.
     assert sum(np.dot(to_rgb(each.color), (0.2126, 0.7152, 0.0722)) > 0.75 for each in styles) <= 1
+
+
+def test_no_two_samplers_of_one_figure_look_alike():
+    figures = {
+        "screen-space": screen_space.methods(),
+        "spp-slider": spp_slider.ways(4),
+        "benchmark": speed_sweep.SAMPLERS,
+        "mitsuba-samplers": map(mitsuba_samplers.shown, mitsuba_samplers.SIZES["paper"].samplers),
+        "designed-samplers": (designed_tiles.OURS, *designed_tiles.RIVALS),
+        "compare": [rival.name for rival in RIVALS.values()],
+        "z-12": z_12.NAMES.values(),
+    }
+    for figure, of in figures.items():
+        names = list(of)
+        styles = {plot.style(name, names)[:2] for name in names}
+        assert len(styles) == len(names), figure
 
 
 def test_samplers_that_are_not_in_the_table_are_told_apart():

@@ -25,7 +25,7 @@ SCENES = {
     "ball": scenes.ball(),
     "soft shadow": scenes.soft_shadow(),
 }
-DRAFTED = ("ball",)
+DRAFTED = ("checkerboard",)
 
 Make = Callable[[int, int, int, int], Any]
 """From side, samples per pixel, dimensions and key to a sampler."""

@@ -196,7 +196,7 @@ def _draw(rows: Rows, programs: Rows, floors: Mapping[str, float], found: Mappin
     factor = f"{min(longer):.1f}" + f" to {max(longer):.1f}" * (len(longer) > 1)
     figure = new_figure(
         f"Random samples take {factor} times as long as the fastest sampler for an equal error\n"
-        "traced scenes; one mark for each number of samples, lower left is better; grey: the reference's error",
+        "traced scenes; a mark for each number of samples, lower left is better; grey: the reference's error",
         2.0 * down + 1.8,
     )
     *panels, last = figure.subplots(down, COLUMNS, squeeze=False).ravel()[: len(shown) + 1]

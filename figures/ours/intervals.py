@@ -10,7 +10,7 @@ from scipy.special import bdtr, bdtrc, ndtr
 
 from figures.plot import Style
 from figures.shared.integrands import coverage, hundred_integrands, rare_events
-from figures.shared.sheets.panels import curve, name_axes, new_figure
+from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
 
 TRIALS = {"draft": 200, "paper": 2000}
 """Of distinctions."""
@@ -55,17 +55,17 @@ NOTE = (
     f"(b) Integrands in 1 to 8 dimensions; bars of {SIGMAS:g} standard deviations of a binomial, for all "
     "cells of an integrand, the tolerance of the tests. Where rounding or resolution widens an "
     f'interval, it may cover more often than stated, and is tested on one side; "{coverage.SKEWED}" is '
-    "not tested: its errors are skewed, and the docstring of integrate says so. (c, d) "
+    "not tested: its errors are skewed, and the docstring of integrate says so. (d, e) "
     f"{hundred_integrands.COUNT} integrands with values in [0, 1] and exact integrals, in 1 to 8 "
     f"dimensions, Sobol' points: 'few' means {{few[0]}} replicates of {{few[1]}} points, 'many' "
     f"{{many[0]}} of {{many[1]}}. Width: geometric means relative to Student's interval with few "
     f"replicates, over integrands and {{tried}} keys. The median narrows the interval with linear "
     "scrambling (kind median), and less with Owen's (kind quantile); medians of many replicates miss "
     "the integral if their distribution is skewed. Betting intervals hold for every distribution; "
-    "empirical Bernstein intervals use the same replicates. (e) Coverage of the last intervals, up to "
-    f"{{points}} points in each of 8 replicates. (f) Largest share of trials that call any two of 2 to "
-    "12 identical samplers different; it should be at most 5 %. (g) Share of distinguished pairs of 6 "
-    "samplers, each with that many times the error of the one before; normal errors of 5 %."
+    "empirical Bernstein intervals use the same replicates. (c) Share of distinguished pairs of 6 samplers, "
+    "each with that many times the error of the one before; normal errors of 5 %. Not drawn: coverage of "
+    "the last intervals to a tolerance, up to {points} points in each of 8 replicates, and the largest "
+    "share of trials that call any two of 2 to 12 identical samplers different, which should be at most 5 %."
 )
 
 
@@ -86,21 +86,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     held, widths = _of_kinds(kinds)
     last = {(kind, "few"): hundred_integrands.by_class(of.held, of.of_class) for kind, of in stops.items()}
 
-    figure = new_figure(TITLE, 9.5)
-    grid = figure.add_gridspec(4, 2, height_ratios=(1, 1.5, 1.35, 1))
-    first, *axes = (figure.add_subplot(grid[at]) for at in ((0, slice(None)), *list(np.ndindex(4, 2))[2:]))
+    figure = new_figure(TITLE, 8.0)
+    grid = figure.add_gridspec(3, 2, height_ratios=(1, 1.5, 1.3))
+    first, *axes = (figure.add_subplot(grid[at]) for at in ((0, slice(None)), *list(np.ndindex(3, 2))[2:]))
     wrong = _rare_events(first, rare)
     _coverages(axes[0], cells)
+    _power(axes[1], [row for row in rows if row["ratio"] != 1])
     level = hundred_integrands.LEVEL
     x = "share of intervals that hold the integral"
-    _kinds(axes[1], held, level, "(c) 100 integrands: 95 % intervals", x)
-    _kinds(axes[2], widths, 1, "(d) their width", "width / Student's width, few replicates")
-    axes[2].set_xscale("log")
-    marked = dict(zip(*axes[1].get_legend_handles_labels()[::-1], strict=True))
-    axes[1].legend(marked.values(), marked.keys(), loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
-    _kinds(axes[3], last, level, "(e) to a tolerance", "part that hold the integral")
-    _distinguished(axes[4], [row for row in rows if row["ratio"] == 1])
-    _power(axes[5], [row for row in rows if row["ratio"] != 1])
+    _kinds(axes[2], held, level, "(d) 100 integrands: 95 % intervals", x)
+    _kinds(axes[3], widths, 1, "(e) their width", "width / Student's width, few replicates")
+    axes[3].set_xscale("log")
+    legend_below(figure, axes[2])
 
     ratio = kinds[hundred_integrands.BERNSTEIN, "many"].width / kinds["betting", "many"].width
     return figure, {
@@ -241,8 +238,9 @@ def _coverages(axes: Axes, cells: list[coverage.Cell]) -> None:
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
     axes.set(title="(b) 90, 95 and 99 % intervals", xlabel="share of intervals that hold the integral")
-    axes.set_xlim(0.8, 1.02)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.4, -0.17), ncols=2)
+    axes.set(xlim=(0.8, 1.02), ylabel="integrand")
+    if any(cell.dtype == "float64" for cell in cells):
+        axes.legend(loc="lower left")
 
 
 Means = dict[hundred_integrands.Case, dict[str, float]]
@@ -269,22 +267,9 @@ def _kinds(axes: Axes, means: Means, wanted: float, title: str, x: str) -> None:
         fill = KINDS[kind] if size == "few" else "none"
         look = {"ms": 5, "color": KINDS[kind], "mfc": fill, "label": f"{kind}, {size}"}
         axes.plot(list(of.values()), y, MARKS[size], **look)
-    axes.set(title=title, xlabel=x)
+    axes.set(title=title, xlabel=x, ylabel="class of integrands")
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-
-
-def _distinguished(axes: Axes, rows: list[dict[str, Any]]) -> None:
-    """Draw how often any two of identical samplers are distinguished, the most over numbers of samplers."""
-    for color, errors in enumerate(coverage.ERRORS):
-        of = [row for row in rows if row["errors"] == errors]
-        most = {keys: max(row["rate"] for row in of if row["keys"] == keys) for keys in coverage.KEYS}
-        curve(axes, most, Style(f"C{color}", "o"), lw=1.5, label=errors)
-    axes.axhline(0.05, color="black", lw=0.8)
-    title, y = "(f) 2 to 12 identical samplers", "part of trials that distinguish"
-    ticks = coverage.KEYS
-    name_axes(axes, "number of keys", y, title, log="x", ticks=ticks, legend="best")
-    axes.set_ylim(0, 1.05)
 
 
 def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
@@ -293,5 +278,5 @@ def _power(axes: Axes, rows: list[dict[str, Any]]) -> None:
         rates = {row["ratio"]: row["rate"] for row in rows if row["keys"] == keys}
         curve(axes, rates, Style(f"C{color}", "o"), lw=1.5, label=f"{keys} keys")
     x, y = "ratio of the errors of neighbours", "part of pairs distinguished"
-    name_axes(axes, x, y, "(g) 6 different samplers", legend="best")
+    name_axes(axes, x, y, "(c) 6 different samplers", legend="best")
     axes.set_ylim(-0.02, 1.02)

@@ -13,6 +13,7 @@ from scipy.special import erf
 import analysis
 from figures import plot
 from figures._errors import rms
+from figures._rc import LETTERS
 from figures.making.schema import Claims
 from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, sequences
@@ -210,29 +211,31 @@ def _radial_power(errors: NDArray[np.float64]) -> Curve:
 
 
 def _draw(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
-    """Draw radial spectra: a row for each number of samples, a column for each family."""
+    """Draw radial spectra: a row for each family, a column for the least and the most samples."""
     figure = new_figure(
-        "Consecutive blocks of one sequence along a curve keep errors out of low frequencies, at all counts\n"
+        "Blocks of one sequence along a curve keep errors out of low frequencies\n"
         f"radial power spectra of errors, {len(INTEGRALS)} integrands, {side} x {side} pixels, one key",
-        9.0,
+        8.2,
     )
-    panels = figure.subplots(len(powers), len(FAMILIES), sharex=True, sharey=True, squeeze=False)
-    for row, (spp, of) in zip(panels, powers.items(), strict=True):
-        for axes, names in zip(row, FAMILIES.values(), strict=True):
+    shown = (COUNTS[0], COUNTS[-1])
+    panels = figure.subplots(len(FAMILIES), len(shown), sharex=True, sharey=True)
+    for row, (family, names) in zip(panels, FAMILIES.items(), strict=True):
+        for axes, spp in zip(row, shown, strict=True):
             axes.axhline(1, color="0.6", lw=0.8, zorder=0)
             for k, name in enumerate(names):
                 drawn = plot.style(name)
-                look = {"color": drawn.color, "marker": drawn.marker, "ms": 5, "lw": 1.2, "label": name}
-                axes.plot(*of[name], drawn.line, markevery=(k, len(names)), **look)
+                look = {"color": drawn.color, "marker": drawn.marker, "ms": 4, "lw": 1, "label": name}
+                axes.plot(*powers[spp][name], drawn.line, markevery=(k, len(names)), **look)
             axes.grid(alpha=0.3)
-        samples = f"{spp} sample{'s' * (spp > 1)} per pixel"
-        row[0].set_ylabel(f"{samples}\npower (white noise: 1)")
+        title = family.replace(" along", "\nalong").replace(", or", ",\nor")
+        row[-1].legend(
+            loc="upper left", bbox_to_anchor=(1, 1.1), frameon=False, title=title, alignment="left"
+        )
     panels[0, 0].set(yscale="log", ylim=(0.01, 20), xlim=(0, 0.5))
-    for axes, family in zip(panels[0], FAMILIES, strict=True):
-        axes.set_title(family)
-    for axes in panels[-1]:
-        axes.set_xlabel("cycles per pixel")
-        axes.legend(loc="upper left", bbox_to_anchor=(0, -0.25), frameon=False, handlelength=3)
+    for axes, spp in zip(panels[0], shown, strict=True):
+        axes.set_title(f"{spp} sample{'s' * (spp > 1)} per pixel")
+    figure.supxlabel("cycles per pixel", fontsize=LETTERS)
+    figure.supylabel("power (white noise: 1)", fontsize=LETTERS)
     return figure
 
 

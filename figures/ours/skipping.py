@@ -24,8 +24,8 @@ class Size(NamedTuple):
 
 
 SIZES = {"draft": Size(128, (64,), 1), "paper": Size(512, (1024, 16), 7)}
-SHOWN = 384
-"""Pixels of the picture that a draft's image is wide."""
+SHOWN = 496
+"""Pixels of an image that have room, a side."""
 
 SCENES = {
     "checkerboard": scenes.checkerboard(),
@@ -58,20 +58,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         result = _skipped(scene, size, size.counts[-1])
         sampled = result.counts > 1
         image, highest = np.asarray(result.image), float(np.max(result.image))
-        images.append(Panel(f"{name}, {size.counts[-1]} spp", image, (0.0, highest)))
+        images.append(Panel(f"{name}, {size.counts[-1]} spp", image[:SHOWN, :SHOWN], (0.0, highest)))
         of = table[name][str(size.counts[-1])]
         caption = (
-            f"black: sampled pixels, {sampled.mean():.1%}\n"
-            f"RMS error {of['rms error with']:.3g}, without skipping {of['rms error without']:.3g}"
+            f"sampled: {sampled.mean():.1%}\nerror {of['rms error with']:.3g} ({of['rms error without']:.3g})"
         )
-        masks.append(Panel(caption, ~sampled))
+        masks.append(Panel(caption, ~sampled[:SHOWN, :SHOWN]))
         progress(done / len(SCENES))
     title = (
         "Skipping constant pixels keeps the error, but time may fall less than the samples\n"
-        f"{size.side} x {size.side} pixels, one key"
+        f"{size.side} x {size.side} pixels, black: sampled pixels; RMS errors with skipping (and without)"
     )
-    figure = image_grid(title, images + masks, len(SCENES), below=560)
-    _draw_times(add_axes(figure, 110, 80, 900, 420), table)
+    figure = image_grid(title, images + masks, len(SCENES), below=640)
+    _draw_times(add_axes(figure, 220, 150, 1100, 440), table)
     return figure, {
         "measured": {"skipping": table, "asked for": ASKED},
         "note": NOTE.format(side=size.side, calls=size.calls),
@@ -107,7 +106,7 @@ def _draw_times(axes: Axes, table: dict[str, dict[str, dict[str, float]]]) -> No
     for marker, (name, rows) in zip("osD^", table.items(), strict=True):
         for k, (spp, row) in enumerate(rows.items()):
             part, times = row["proportion taken"], row["seconds with"] / row["seconds without"]
-            axes.plot(part, times, marker, color=f"C{k}", ms=6, label=f"{name}, {spp} spp")
+            axes.plot(part, times, marker, color=f"C{k}", ms=6, label=f"{name}, {spp} samples per pixel")
     ends = np.array([0.003, 1])
     axes.plot(ends, ends, "k-", lw=0.8, label="in proportion")
     axes.plot(ends, 1.3 * ends, "k:", lw=0.8, label="1.3 times that")

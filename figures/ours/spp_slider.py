@@ -67,7 +67,7 @@ def make(
     last = {name: of[f"{COUNTS[-1]} spp"] for name, of in errors.items()}
     factor = last["random"] / min(last.values())
     figure = new_figure(
-        f"At {COUNTS[-1]} samples per pixel, random samples have {factor:.1f} times the error of the best sampler\n"
+        f"Random samples have {factor:.1f} times the error of the best sampler at {COUNTS[-1]} spp\n"
         f"checkerboard, {SIDE} x {SIDE} pixels, one key",
         3.4,
     )

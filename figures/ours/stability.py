@@ -214,7 +214,8 @@ MESH, ALONE = (1e-8, 1e8), (1e-6, 1e2)
 LEAVING, ENTERING = "Rays that leave a body hit it again", "Rays that enter a body are lost in it"
 SIZE = "Rays miss a small or huge body"
 
-COLUMNS = 2
+SHOWN = ("Offsets in pixels", "Sums", "Frequencies", ENTERING, SIZE, "Images with direct light")
+"""What has a panel."""
 
 
 class Panel(NamedTuple):
@@ -259,14 +260,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     panels = of_points | of_rays
     figure = new_figure(
         "Single precision suffices for points and sums, not for high frequencies and distant rays\n"
-        "dashed: errors that an image shows; errors of 0 are drawn at the bottom",
-        9.5,
+        "solid: float32; dotted: float64; dashed: errors that an image shows; errors of 0 are at the bottom",
+        7.8,
     )
-    axes = figure.subplots(len(panels) // COLUMNS, COLUMNS).ravel()
+    axes = dict(zip(SHOWN, figure.subplots(3, 2).ravel(), strict=True))
     measured: dict[str, Curves] = {}
-    for done, (ax, (name, panel)) in enumerate(zip(axes, panels.items(), strict=True), start=1):
+    for done, (name, panel) in enumerate(panels.items(), start=1):
         measured[name] = panel.measure()
-        _draw(ax, name, panel, measured[name])
+        if name in axes:
+            _draw(axes[name], name, panel, measured[name])
         progress(done / len(panels))
     broken = {
         name: {label: _first(curve, panel.limit) for label, curve in measured[name].items()}
@@ -284,20 +286,20 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
 
 
-def _draw(axes: Axes, name: str, panel: Panel, curves: Curves) -> None:
+def _draw(axes: Axes, title: str, panel: Panel, curves: Curves) -> None:
     """Draw curves, those in double precision dotted in the colours of the same in single precision."""
     positive = [error for of in curves.values() for error in of.values() if error > 0]
     zero = 0.1 * min([*positive, panel.limit or np.inf])
     colors: dict[str, str] = {}
     for label, curve in curves.items():
-        color = colors.setdefault(label.replace(", float64", ", float32"), f"C{len(colors)}")
-        line = ":" if label.endswith(", float64") else "-"
+        name, _, precision = label.partition(", float")
+        color = colors.setdefault(name, f"C{len(colors)}")
         values = np.maximum(list(curve.values()), zero)
-        axes.plot(list(curve), values, "o", ls=line, color=color, ms=3, label=label)
+        look = {"ls": ":", "label": "_"} if precision == "64" else {"label": label.replace(", float32", "")}
+        axes.plot(list(curve), values, "o", color=color, ms=3, **look)
     if panel.limit is not None:
         axes.axhline(panel.limit, color="0.5", ls="--", lw=0.8, zorder=0)
-    below = (0.5, -0.2)
-    name_axes(axes, panel.x, panel.y, name, log="xy", legend="upper center", bbox_to_anchor=below, ncols=2)
+    name_axes(axes, panel.x, panel.y, title, log="xy", legend="best")
 
 
 def _documented(measured: Mapping[str, Curves]) -> dict[str, bool]:

@@ -270,7 +270,7 @@ def _draw(lines: NDArray, points: NDArray, exact: NDArray, errors: Errors, bands
         x = f"lines ({SPP} samples per pixel each), or points"
         name_axes(axes, x, y, title, log="xy", ticks=list(of["lines"]), few_decades=True)
     left.set_ylim(min(errors["lines"].values()) / 5, None)
-    right.set_ylim(0.5, None)
+    right.set_ylim(min(0.5, *bands["lines"].values()) / 1.5, None)
     left.legend(loc="lower left", frameon=False)
     right.text(1, STEPS, "limit", va="bottom")
     return figure

@@ -176,23 +176,27 @@ def _draw(measured: Mapping[str, Any]) -> Figure:
         "Up to 32 triangles, analytic visibility in time gains more than it costs\nthesis, Sect. 3.2",
         3.2,
     )
-    shown = {name: measured[name] for name in (BOX, ALL) if measured[name]}
+    shown = {name: measured[name] for name in (ALL, BOX) if measured[name]}
     axes = figure.subplots(1, len(shown) + 1)
+    below: dict[str, Any] = {"textcoords": "offset points", "va": "top"}
     for panel, (name, cases) in zip(axes, shown.items(), strict=False):
         for key, look in (("at equal samples", Style("C1", "s", "--")), ("at equal time", Style("C0", "o"))):
             gain = {k: case[RATIO]["blurred part"][key] for k, case in cases.items()}
             curve(panel, gain, look, lw=1.5, label=f"ratio {key}")
         panel.axhline(1, color="k", lw=0.8)
+        panel.annotate("sampled wins", (0.1, 1), (0, -3), xycoords=("axes fraction", "data"), **below)
         panel.axhline(ASKED, color="0.4", lw=0.8, ls=":", label=f"{ASKED:g} times")
         scene, _, what = name.partition(", by ")
         ticks = [int(k) for k in cases]
-        name_axes(panel, what.replace("their number", "triangles"), RATIO, scene, log="xy", ticks=ticks)
+        x, y = what.replace("their number", "triangles"), "variance, sampled / analytic"
+        name_axes(panel, x, y, scene, log="xy", ticks=ticks, few_decades=True)
+        panel.set_ylim(0.5, None)
     cases = measured[ALL]
     for k, (name, color) in enumerate((("sampled", "C2"), ("analytic", "C3"))):
         times = {n: case["microseconds a sample"][k] for n, case in cases.items()}
         curve(axes[-1], times, Style(color, "o"), lw=1.5, label=f"time, {name}")
     x, y, ticks = "triangles", "microseconds per sample", [int(n) for n in cases]
-    name_axes(axes[-1], x, y, "moving triangles", log="xy", ticks=ticks)
+    name_axes(axes[-1], x, y, "moving triangles", log="xy", ticks=ticks, few_decades=True)
     first, last = axes[0].get_legend_handles_labels(), axes[-1].get_legend_handles_labels()
-    figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5)
+    figure.legend(first[0] + last[0], first[1] + last[1], loc="outside lower center", ncols=5, frameon=False)
     return figure

@@ -102,7 +102,7 @@ def error(image: Any, reference: Any, animated: bool = False) -> Any:
     """
     given, exact = real_array("image", image), real_array("reference", reference)
     if exact.shape not in (given.shape, given.shape[1:] if animated else given.shape):
-        raise ValueError(f"image and reference must have one shape, got {given.shape} and {exact.shape}")
+        raise ValueError(f"image and reference must have the same shape, got {given.shape} and {exact.shape}")
     if given.ndim not in (2 + animated, 3 + animated) or given.size == 0:
         pixels = "(frames, height, width" if animated else "(height, width"
         raise ValueError(f"image must have shape {pixels}) or {pixels}, 3), got {given.shape}")

@@ -194,7 +194,7 @@ def mean_spectrum(
         spectrum = _arguments.array("make(key)", made, "an array of real numbers").astype(np.float64)
         if count and spectrum.shape != mean.shape:
             raise ValueError(
-                f"make must return one shape for all keys, got {mean.shape} and {spectrum.shape}"
+                f"make must return the same shape for all keys, got {mean.shape} and {spectrum.shape}"
             )
         count += 1
         deviation = spectrum - mean

@@ -65,7 +65,7 @@ def nodes_visited(
     shape, start, toward = flat_rays(origin, direction)
     timed = tree.times is not None or tree.low.shape[-1] == 4
     if timed and time is None:
-        raise TypeError("time must be given for boxes that move, or are there for some time only, got None")
+        raise TypeError("time must be given for boxes that move or exist for a part of the time, got None")
     when = flat_times(time, shape) if timed else np.zeros(len(start))
     if not len(start):
         return np.zeros(shape, np.int64)

@@ -101,7 +101,7 @@ def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> 
         found = [read_npy(data)]
     elif suffix == ".bin":
         if dims is None:
-            raise ValueError("dims must be given for .bin files, in which it is not")
+            raise ValueError("dims must be given for .bin files, which do not store it")
         found = _binary(data, dims)
     else:
         found = [each.array() for each in point_sets(data, header)]

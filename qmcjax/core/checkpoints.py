@@ -260,7 +260,7 @@ def _checked(checkpoint: Any) -> tuple[Path, str | None]:
     if isinstance(checkpoint, Checkpoint):
         path, label = checkpoint.path, checkpoint.label
         if not isinstance(label, str):
-            raise TypeError(f"checkpoint must have a str as label, got {checks.shown(label)}")
+            raise TypeError(f"checkpoint must have a string as label, got {checks.shown(label)}")
     if not isinstance(path, str | os.PathLike):
         raise TypeError(f"checkpoint must be the path of a file or a Checkpoint, got {checks.shown(path)}")
     path = Path(os.fsdecode(path))

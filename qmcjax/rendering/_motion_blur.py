@@ -58,7 +58,7 @@ def _means(images: Iterator[Any], count: int) -> Iterator[NDArray[np.float64]]:
     for value in images:
         image = known("images", value)
         if ring and image.shape != ring[0].shape:
-            raise ValueError(f"images must have one shape, {ring[0].shape}, got {image.shape}")
+            raise ValueError(f"images must have the same shape {ring[0].shape}, got {image.shape}")
         require("images", image, np.isfinite, "finite")
         ring.append(image)
         if len(ring) == count:

@@ -97,7 +97,7 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
     [
         (3, TypeError, "must be the path of a file or a Checkpoint, got 3"),
         (Checkpoint(3, "v1"), TypeError, "must be the path of a file or a Checkpoint, got 3"),
-        (Checkpoint("state", 1), TypeError, "must have a str as label, got 1"),
+        (Checkpoint("state", 1), TypeError, "must have a string as label, got 1"),
         (Checkpoint(".", "v1"), ValueError, r"must be the path of a file, got a folder: '\.'"),
         ("", ValueError, r"must be the path of a file, got a folder: '\.'"),
         (".", ValueError, r"must be the path of a file, got a folder: '\.'"),

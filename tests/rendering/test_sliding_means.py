@@ -56,8 +56,8 @@ def test_the_oldest_image_is_added_first():
 
 test_mistakes = refused(
     (3, 1, TypeError, "images must be an iterable of images, got 3"),
-    ([np.ones(2), np.ones(3)], 2, r"images must have one shape, \(2,\), got \(3,\)"),
-    ([np.ones((2, 3)), np.ones((3, 2))], 2, r"have one shape, \(2, 3\), got \(3, 2\)"),
+    ([np.ones(2), np.ones(3)], 2, r"images must have the same shape \(2,\), got \(3,\)"),
+    ([np.ones((2, 3)), np.ones((3, 2))], 2, r"have the same shape \(2, 3\), got \(3, 2\)"),
     (tuple("ab"), 2, TypeError, "images must be made of real numbers, got 'a'"),
     call=lambda images, count: list(qj.sliding_means(images, count)),
     error=ValueError,

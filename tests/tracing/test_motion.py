@@ -307,7 +307,7 @@ def test_quaternions_that_are_rounded_are_normalised():
 def test_matrices_are_singular_at_any_size(size):
     """By the ratio of their factors."""
     assert np.allclose(motion.decompose(np.diag([size, size, 1e-11 * size, 1])).rotation, [0, 0, 0, 1])
-    with pytest.raises(ValueError, match="matrix must be regular"):
+    with pytest.raises(ValueError, match="matrix must be invertible"):
         motion.decompose(np.diag([size, size, 1e-13 * size, 1]))
 
 

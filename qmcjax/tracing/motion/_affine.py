@@ -161,7 +161,7 @@ def decompose(matrix: ArrayLike) -> Decomposition:
     linear = given[:3, :3]
     left, factors, right = np.linalg.svd(linear)
     if not factors[-1] > factors[0] * 1e-12:
-        raise ValueError(f"matrix must be regular, got the singular values {factors.tolist()}")
+        raise ValueError(f"matrix must be invertible, got the singular values {factors.tolist()}")
     sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
     scale = sign * (right.T * factors) @ right
     return Decomposition(given[:3, 3].copy(), _quaternion(sign * left @ right), scale)

@@ -172,6 +172,6 @@ def _knots(knots: ArrayLike, count: int, degree: int) -> NDArray[np.float64]:
     _, times = np.unique(np.concatenate([given[:1], inner, given[-1:]]), return_counts=True)
     if given[0] == given[-1] or times[0] > 1 or times[-1] > 1 or times.max() > degree:
         raise ValueError(
-            f"knots must be at most {degree} times equal between two different ends, got {given.tolist()}"
+            f"knots must have multiplicities up to {degree} and two different ends, got {given.tolist()}"
         )
     return np.asarray(given)

@@ -1,1 +1,1 @@
-"""What makes the figures: workers, the output folder, finished cells."""
+"""Making figures: workers, the output folder, finished cells."""

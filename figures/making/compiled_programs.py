@@ -1,7 +1,7 @@
-"""Where JAX keeps compiled programs from run to run: most of the time that drafts take.
+"""JAX's cache of compiled programs: compiling takes most of the time of drafts.
 
-JAX looks programs up by what they compute, its version and its options, in a folder that the environment
-names before JAX is imported. A program counts as used when it is read, as far as the file system notes that.
+JAX identifies programs by what they compute, its version and its options. The environment must name the
+folder before JAX is imported. A program counts as used when it is read, if the file system records that.
 """
 
 import glob
@@ -20,32 +20,32 @@ from figures.making import store
 from figures.making.this_machine import features
 
 MOST = 2**30
-"""Bytes that stay; JAX's own limit looks at all of them whenever it adds one."""
+"""Bytes to keep; with JAX's own limit, each new program would cost a scan of the folder."""
 
 FOLDER, SWITCH = "JAX_COMPILATION_CACHE_DIR", "JAX_ENABLE_COMPILATION_CACHE"
 ALL = {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
-"""Figures consist of many small programs: to read one takes a tenth of the time to compile it."""
+"""Figures consist of many small programs; reading one takes a tenth of the time of compiling it."""
 
 QUICK = ("--xla_cpu_use_fusion_emitters=false", "--xla_backend_optimization_level=1")
-"""XLA's former generator of loops on CPUs, fewer passes of LLVM: two thirds of the time; slower programs."""
+"""XLA's former CPU loop emitters and fewer LLVM passes: two thirds of the compile time, slower programs."""
 
 QUICK_OF = "0.10."
-"""Versions of jaxlib that are known to have the flags: XLA ends a process that names one it does not have."""
+"""Versions of jaxlib that have these flags: XLA aborts a process that passes an unknown one."""
 
 UNREADABLE = re.compile(r"Error reading persistent compilation cache entry for '([^']+)'")
 UNWRITABLE = "Error writing persistent compilation cache entry"
 
 
 def keep(warn: Callable[[str], None]) -> None:
-    """Let processes that start from now on keep programs, and read what is kept.
+    """Make processes that start from now on use the cache.
 
-    A folder that the environment names already stays the one. If there is no place, ``warn``, and go on.
+    A folder already named by the environment is used. If no folder can be written, ``warn`` and continue.
     """
     if os.environ.get(FOLDER):
         return
     try:
         folder = place()
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # Who writes to it has his code run here.
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)  # Code from this folder is executed.
         store.prepare(folder)
     except (OSError, RuntimeError) as error:
         warn(f"compiled programs cannot be kept, and the next run compiles them again: {error}")
@@ -57,24 +57,24 @@ def keep(warn: Callable[[str], None]) -> None:
 
 
 def place() -> Path:
-    """Return the folder for this kind of processor, below the user's folder for what can be made again.
+    """Return the folder for this kind of processor, in the user's cache folder.
 
-    Raises RuntimeError if nobody knows where the user's home is.
+    Raises RuntimeError if the user's home is unknown.
     """
     named = os.environ.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(named):  # The specification has others ignored.
+    if os.path.isabs(named):  # The specification ignores relative paths.
         caches = Path(named)
     elif sys.platform == "win32":
         caches = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
     else:
         caches = Path.home() / ("Library/Caches" if sys.platform == "darwin" else ".cache")
-    # Machines that share a home may differ in the instructions that they understand.
+    # Machines that share a home may have different instruction sets.
     kind = hashlib.sha256(f"{platform.machine()} {features()}".encode()).hexdigest()[:12]
     return caches / "qmcjax" / "programs" / kind
 
 
 def _forget(folder: Path, most: int = MOST) -> None:
-    """Remove the programs that were not used for the longest time, until the others take no more bytes."""
+    """Remove the least recently used programs until the others fit into ``most`` bytes."""
     entries = []
     for path in folder.rglob("*-cache"):
         with suppress(OSError):  # Another process may remove them.
@@ -88,7 +88,7 @@ def _forget(folder: Path, most: int = MOST) -> None:
 
 
 def quickly() -> None:
-    """Let processes that start from now on compile in less time programs that take more: for small images."""
+    """Make processes that start from now on compile faster, for slower programs: right for small images."""
     flags = os.environ.get("XLA_FLAGS", "")
     if importlib.metadata.version("jaxlib").startswith(QUICK_OF):
         wanted = [flag for flag in QUICK if flag.partition("=")[0] not in flags]
@@ -96,21 +96,21 @@ def quickly() -> None:
 
 
 def measure_without() -> None:
-    """Compile anew from now on, in this process and those that it starts: where compiling is measured."""
+    """Disable the cache in this process and those that it starts, where compile time is measured."""
     os.environ[SWITCH] = "0"
     jax = sys.modules.get("jax")
     if jax is not None and jax.config.jax_enable_compilation_cache:
         from jax.experimental.compilation_cache import compilation_cache
 
         jax.config.update("jax_enable_compilation_cache", False)
-        compilation_cache.reset_cache()  # It asks only once whether it is enabled.
+        compilation_cache.reset_cache()  # It checks only once whether it is enabled.
 
 
 def heal() -> None:
-    """Remove programs that cannot be read, and say only once if programs cannot be written.
+    """Remove programs that cannot be read, and warn only once if programs cannot be written.
 
-    Files are cut off where a process was killed as JAX wrote. It then warns, compiles, and writes the program
-    if there is no file.
+    Files are truncated if a process is killed while JAX writes. JAX then warns and compiles again, but writes
+    the program only if there is no file.
     """
     show, full = warnings.showwarning, False
 

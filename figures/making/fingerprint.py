@@ -1,7 +1,7 @@
-"""What a figure's picture depends on, hashed without importing any of it.
+"""A hash of everything that a figure's picture depends on, without importing it.
 
-Import statements are followed through the project's packages with ``ast``, so what a module imports
-under a name computed at run time is not seen.
+Import statements are followed through the project's packages with ``ast``, so imports under names computed
+at run time are not found.
 """
 
 import ast
@@ -22,11 +22,11 @@ NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
 
 
 def fingerprint(module: str, quality: str) -> str:
-    """Hash the quality, the files behind ``module`` and the versions of the libraries it may use.
+    """Hash the quality, the files behind ``module`` and the versions of the libraries that it may use.
 
-    Published tables and textures count for the figures that read them if the user has named them. A module
-    that is not there or does not parse has a fingerprint too: the error is left to whoever imports it. The 64
-    hexadecimal digits do not depend on where the project lies.
+    Published tables and textures count for the figures that read them if the user has named them. A missing
+    module or one with syntax errors has a fingerprint, too: importing it raises the error. The 64 hexadecimal
+    digits do not depend on the location of the project.
     """
     read = sources(module)
     tables, texture = heitz.path(), stbn.path()
@@ -41,10 +41,10 @@ def fingerprint(module: str, quality: str) -> str:
 
 
 def sources(module: str) -> dict[str, Path]:
-    """Return the files of the modules that importing ``module`` runs, and the data files of their packages.
+    """Return the files of all modules that ``module`` imports, and the data files of their packages.
 
-    By dotted names, for data ``package/file``; of `PROJECT` and of the package of ``module`` only. The name
-    of a function may follow ``module`` after a colon.
+    The keys are dotted names, or ``package/file`` for data; only `PROJECT` and the package of ``module`` are
+    searched. The name of a function may follow ``module`` after a colon.
     """
     module = module.partition(":")[0]
     folders = {root: _folder(root) for root in {*PROJECT, module.partition(".")[0]}}
@@ -98,7 +98,7 @@ def _imports(source: bytes, package: str) -> tuple[str, ...]:
 
 
 def _statements(module: ast.Module) -> Iterator[ast.AST]:
-    """Yield all statements: `ast.walk` takes five times as long, for what is in them."""
+    """Yield all statements; `ast.walk` also visits expressions, and takes five times as long."""
     pending: list[ast.AST] = [module]
     while pending:
         node = pending.pop()
@@ -108,7 +108,7 @@ def _statements(module: ast.Module) -> Iterator[ast.AST]:
 
 
 def _data_files(package: Path) -> Iterator[Path]:
-    """Yield what is neither code nor text for people, down to other packages and output folders."""
+    """Yield the files that are neither code nor documentation, except in subpackages and output folders."""
     for path in package.iterdir():
         if path.name.startswith((".", "__")):
             continue

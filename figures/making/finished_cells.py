@@ -1,4 +1,4 @@
-"""Cells of figures that take long: those that are finished stay, and the processes of a job share them."""
+"""Cells of long computations: finished ones are kept, and the processes of a job share the work."""
 
 import hashlib
 import time
@@ -12,28 +12,28 @@ from figures.making import store
 
 
 class Place(NamedTuple):
-    """Where a figure's cells are while it is being made."""
+    """The folder of a figure's cells while it is being made."""
 
     kept: Path
     claims: Path | None = None
-    """A folder, new for each job, that all its processes see."""
+    """A folder, new for each job, that all of its processes can see."""
 
     def begun(self) -> bool:
-        """Tell whether processes of a job share cells here."""
+        """Return whether processes of a job share cells here."""
         return self.claims is not None and self.claims.is_dir()
 
     def ended(self) -> bool:
-        """Tell whether, in a job, nobody goes on with the figure."""
+        """Return whether the job has finished or given up this figure."""
         return self.claims is not None and (self.claims / "ended").exists()
 
     def end(self) -> None:
-        """Tell other processes of a job not to go on with the figure, nor to wait for cells of it."""
+        """Tell the other processes of a job to stop working on the figure and waiting for its cells."""
         if self.claims is not None:
             self.claims.mkdir(exist_ok=True)
             (self.claims / "ended").touch()
 
     def claim(self, cell: str) -> bool:
-        """Take a cell that no process of the job has taken."""
+        """Claim a cell, and return whether no other process of the job has claimed it."""
         return self.claims is None or take(self.claims / cell)
 
     def read(self, cell: str) -> Any:
@@ -42,7 +42,7 @@ class Place(NamedTuple):
 
         try:
             return np.load(self.kept / f"{cell}.npy")
-        except (FileNotFoundError, ValueError, EOFError):  # none, or not a whole one
+        except (FileNotFoundError, ValueError, EOFError):  # missing or incomplete
             return None
 
     def keep(self, cell: str, array: Any) -> None:
@@ -54,7 +54,7 @@ class Place(NamedTuple):
         store.write(self.kept / f"{cell}.npy", buffer.getvalue())
 
     def wait_for(self, cell: str, name: str) -> Any:
-        """Return what another process of the job computes; if that is lost, the job ends."""
+        """Wait for a cell that another process of the job computes; if that process is lost, the job ends."""
         while True:
             over = self.ended()
             array = self.read(cell)
@@ -66,11 +66,11 @@ class Place(NamedTuple):
 
 
 PLACE: ContextVar[Place | None] = ContextVar("place", default=None)
-"""That of the figure that this process makes; without one, cells are but computed."""
+"""The place of the figure that this process makes; without one, cells are computed and not kept."""
 
 
 def take(path: Path) -> bool:
-    """Take what stands for ``path``, and return whether no process has taken it before."""
+    """Claim ``path``, and return whether no process has claimed it before."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         path.with_name(f"{path.name}.taken").touch(exist_ok=False)
@@ -84,12 +84,13 @@ def shared(
     cells: Mapping[str, Callable[[], Any]],
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> dict[str, Any]:
-    """Return the arrays that cells are computed to, by their names and in their order.
+    """Return the arrays of all cells by name, in the given order.
 
-    ``label``: unlike that of any other call for the same figure. ``cells``: each computes an array, and is
-    what the figure's code and quality make it. They are taken from the last to the first: with more samples
-    they take longer, and are better not begun at the end. ``progress``: called with the finished part in
-    (0, 1]. Raises RuntimeError if another process of the job could not compute a cell that it had taken.
+    ``label``: unique among the calls for the same figure. ``cells``: functions that compute an array each,
+    and depend on the code and quality of the figure only. They are called from the last to the first, since
+    cells with more samples take longer and should start early. ``progress``: called with the finished
+    fraction in (0, 1]. Raises RuntimeError if another process of the job could not compute a cell that it had
+    claimed.
     """
     import numpy as np
 

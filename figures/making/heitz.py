@@ -1,4 +1,4 @@
-"""The published tables of Heitz et al. (2019), which are not shipped: where a user has them, what they have.
+"""The published tables of Heitz et al. (2019), which are not shipped: find and read the user's copy.
 
 E. Heitz, L. Belcour, V. Ostromoukhov, D. Coeurjolly, J.-C. Iehl, "A Low-Discrepancy Sampler that Distributes
 Monte Carlo Errors as a Blue Noise in Screen Space", SIGGRAPH Talks, 2019, come with C++ files
@@ -12,17 +12,17 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 SWITCH = "QMCJAX_FIGURES_HEITZ"
-"""The variable by which processes that make figures know of the file."""
+"""The environment variable that passes the path of the file to worker processes."""
 
 SEQUENCE, TILE, OPTIMISED = 256, 128, 8
-"""Samples and dimensions of the sequence, side of the tile, dimensions with keys of their own."""
+"""Number of samples and of dimensions of the sequence, side of the tile, number of dimensions with keys."""
 
 SIZES = {
     "sobol_256spp_256d": SEQUENCE * SEQUENCE,
     "scramblingTile": TILE * TILE * OPTIMISED,
     "rankingTile": TILE * TILE * OPTIMISED,
 }
-"""The arrays by their names in the files, and how many numbers they have."""
+"""The names of the arrays in the files, and their sizes."""
 
 
 class Tables(NamedTuple):
@@ -33,7 +33,7 @@ class Tables(NamedTuple):
     scrambling: Any
     """Key of dimension d of the pixel in column x and row y at ``8 (x + 128 y) + d``."""
     ranking: Any
-    """Of the numbers of samples, in the same way."""
+    """Keys of the sample numbers, in the same layout."""
 
 
 def path() -> Path | None:
@@ -45,8 +45,8 @@ def path() -> Path | None:
 def read(file: Path) -> Tables:
     """Read the tables from one of the C++ files, or from an ``.npz`` with arrays of the same names.
 
-    Raises OSError if it cannot be read; ValueError if an array is missing, has another size, or numbers that
-    are not integers from 0 to 255.
+    Raises OSError if it cannot be read, and ValueError if an array is missing or has another size, or numbers
+    other than integers from 0 to 255.
     """
     arrays = _read_npz(file) if file.suffix == ".npz" else _read_cpp(file)
     missing = [name for name in SIZES if name not in arrays]

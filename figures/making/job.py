@@ -1,8 +1,8 @@
-"""A job of several processes, on one machine or many, which share the figures, or end together.
+"""A job of several processes, on one machine or many, which share the figures or end together.
 
-JAX ends a process whose job has lost another one, whatever it is doing. So the one that JAX knows is not the
-command line but a member, ``python -m figures.making.job``, which does nothing but belong to the job: the
-command line reads what it says, and how it ended. It computes nothing, and leaves accelerators to others.
+If a job loses a process, JAX ends all others, whatever they are doing. The process that joins the job is
+therefore not the command line but a separate member, ``python -m figures.making.job``, which computes nothing
+and uses no accelerator: the command line reads its messages and notices when it ends.
 """
 
 import hashlib
@@ -27,20 +27,20 @@ from figures.making.updating import forget_cells, make, missing, outdated, say, 
 from figures.making.workers import Failed, Task, run
 
 WAIT = 300
-"""Seconds until all processes must have come."""
+"""Seconds until all processes must have joined."""
 
 HEARTBEAT = 20
-"""Seconds without a sign of life after which a process is taken for dead."""
+"""Seconds without a heartbeat after which a process counts as lost."""
 
 VISIBLE = 60
-"""Seconds after which all machines see what one has written to a folder that they share."""
+"""Seconds after which a file written to a shared folder is visible on all machines."""
 
 SAID = "figures: "
-"""Begins each line that a member of a job says."""
+"""The prefix of each message from a member of a job."""
 
 
 class Where(NamedTuple):
-    """Which process of which job this is; what is None is asked of the cluster."""
+    """Which process of which job this is; JAX asks the cluster for fields that are None."""
 
     coordinator: str | None = None
     processes: int | None = None
@@ -48,14 +48,14 @@ class Where(NamedTuple):
 
 
 class JobError(Exception):
-    """A job has ended, and why."""
+    """A job has ended; the message says why."""
 
 
 class Job:
-    """A process' place among those of a job."""
+    """The connection of a process to its job."""
 
     def __init__(self, where: Where) -> None:
-        """Join a job. Raises JobError, as all methods, if that fails, or another process is lost."""
+        """Join a job. Raises JobError, as do all methods, if this fails or another process is lost."""
         self._where = where
         self._errors = tempfile.TemporaryFile("w+", errors="replace")
         self._member = subprocess.Popen(
@@ -70,12 +70,12 @@ class Job:
             stderr=self._errors,
             text=True,
             errors="replace",
-            start_new_session=True,  # Ctrl-C is this process' business.
+            start_new_session=True,  # Only this process handles Ctrl-C.
         )
         self.process, self.processes = self._hear("joined")
 
     def meet(self, about: Any) -> None:
-        """Wait for all processes, which must be about the same, made of what JSON knows."""
+        """Wait for all processes; ``about``, made of JSON values, must be the same in all of them."""
         self._tell(hashlib.sha256(json.dumps(about, sort_keys=True).encode()).hexdigest())
         words = self._hear("met")
         others = [str(k) for k, word in enumerate(words) if word != words[0]]
@@ -92,12 +92,12 @@ class Job:
             raise JobError(explain(self._errors.read(), self._where))
 
     def leave(self) -> None:
-        """Leave the job after all have met for the last time."""
+        """Leave the job after the last meeting."""
         self._tell("leave")
         self._member.wait()
 
     def end(self) -> None:
-        """Leave the job at once, unless it is left: the others will miss this process."""
+        """Leave the job at once, if it is not left yet; the other processes will notice."""
         self._member.kill()
         self._member.wait()
 
@@ -121,7 +121,7 @@ class Job:
 
 
 def explain(said: str, where: Where) -> str:
-    """Return in a sentence why JAX ended a member of a job, from what it said; all of that if it is new."""
+    """Return in one sentence why JAX ended a member of a job, or JAX's own message if it is unknown."""
     if found := re.search(r"stopped sending heartbeats\):\s*([\d\s,]+)", said):
         lost = ", ".join(found[1].replace(",", " ").split())
         return f"process {lost} has ended, or has not been heard of for {HEARTBEAT} s"
@@ -144,10 +144,10 @@ def explain(said: str, where: Where) -> str:
 
 
 def share(tasks: Sequence[Task], folder: Path, jobs: int, job: Job) -> list[str]:
-    """Make this process' share of the figures, as :func:`figures.making.updating.update`.
+    """Make this process' share of the figures, like :func:`figures.making.updating.update`.
 
-    Each process takes the next figure that nobody has taken, then helps with those of others. Those that run
-    alone are made by process 0 when all are done; it returns the failures of all processes.
+    Each process makes the next figure that no other has claimed, and then helps with the figures of others.
+    Finally, process 0 makes the figures that run alone, and returns the failures of all processes.
     """
     place = folder / ".job"
     token = place / "token"
@@ -160,7 +160,7 @@ def share(tasks: Sequence[Task], folder: Path, jobs: int, job: Job) -> list[str]
     job.meet(about)
     _wait_for(token.exists, job)
     left = outdated(tasks, folder)
-    # All wait here before one of them changes what others look at.
+    # All processes wait here before one of them changes files that others read.
     job.meet([about, token.read_text() if token.exists() else None, [task.name for task in left]])
 
     together = [
@@ -200,7 +200,7 @@ def _help(tasks: Sequence[Task], jobs: int, job: Job) -> None:
 
 
 def _wait_for(condition: Callable[[], bool], job: Job) -> None:
-    """Wait until all of a folder is seen that others have written to: a network's may show it later."""
+    """Wait until the files of other processes are visible: network folders may be late."""
     end = time.monotonic() + VISIBLE
     while not condition() and time.monotonic() < end:
         job.check()
@@ -208,7 +208,7 @@ def _wait_for(condition: Callable[[], bool], job: Job) -> None:
 
 
 def belong(options: dict[str, Any]) -> None:
-    """Join the job as JAX knows it, say so, and meet the others when told, until told to leave."""
+    """Join the job through JAX, report it, and meet the other members on request, until told to leave."""
     import jax
     import numpy as np
     from jax.experimental import multihost_utils
@@ -235,11 +235,11 @@ def belong(options: dict[str, Any]) -> None:
 def _listen(words: queue.SimpleQueue[str]) -> None:
     for line in sys.stdin:
         words.put(json.loads(line))
-    os._exit(1)  # The command line ended: so does this, without a word to the others, who will miss it.
+    os._exit(1)  # The command line ended: end as well; the other members will notice.
 
 
 def _say(**what: Any) -> None:
-    # JAX prints, too, and not always to the end of a line.
+    # JAX also prints, and does not always end the line.
     print(f"\n{SAID}{json.dumps(what)}", flush=True)
 
 

@@ -1,20 +1,20 @@
-"""What makes a figure illegible in print: its width, small letters, overlapping texts, axes without names."""
+"""Faults that make a figure illegible in print: width, small or overlapping text, axes without names."""
 
 from itertools import combinations
 from typing import Any
 
 SMALLEST = 7.5
-"""Points of a letter."""
+"""Font size in points."""
 
 TALLEST = 9.5
-"""Inches: the height of a page."""
+"""Inches, the height of a page."""
 
 TOLERATED = 1.5
-"""Pixels by which boxes of texts may overlap: they are wider than what is printed."""
+"""Pixels by which the boxes of texts may overlap: they are wider than the printed letters."""
 
 
 def faults(figure: Any) -> list[str]:
-    """Return what is wrong with a figure that has been drawn, at its own resolution."""
+    """Return the faults of a figure that has been drawn, at its own resolution."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     from figures._rc import COLUMN, PAGE
@@ -46,7 +46,7 @@ def faults(figure: Any) -> list[str]:
 
 
 def _box(text: Any, renderer: Any) -> Any:
-    """Return where a text is, without the empty lines at its end, which keep room."""
+    """Return the box of a text without the empty lines at its end, which reserve room."""
     box = text.get_window_extent(renderer).frozen()
     lines, words = text.get_text().count("\n") + 1, text.get_text().rstrip("\n").count("\n") + 1
     box.y0 = box.y1 - (box.y1 - box.y0) * words / lines
@@ -66,7 +66,7 @@ def _has_words(artist: Any) -> bool:
 
 
 def _hidden_ticks(axes: Any) -> list[Any]:
-    """Return the labels of ticks that are not drawn: outside of the axes, or of axes that are off."""
+    """Return the tick labels that are not drawn: outside of the axes, or of axes that are off."""
     hidden = []
     for axis in (axes.xaxis, axes.yaxis):
         scale = axis.get_transform().transform
@@ -82,7 +82,7 @@ def _hidden_ticks(axes: Any) -> list[Any]:
 
 
 def _nameless(axes: Any) -> list[str]:
-    """Return which axes with numbers have no name; of unit squares none needs one."""
+    """Return the axes with numbers but without a name; unit squares need none."""
     wrong = []
     for name, axis in (("x", axes.xaxis), ("y", axes.yaxis)):
         low, high = sorted(axis.get_view_interval())

@@ -1,4 +1,4 @@
-"""What the numbers of a figure consist of."""
+"""The structure of the numbers of a figure."""
 
 import math
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ PARTS = {
 
 
 def check_numbers(numbers: dict[str, Any]) -> None:
-    """Raise a ValueError that names the first thing in a figure's numbers that is not as it should be."""
+    """Raise a ValueError that names the first invalid part of a figure's numbers."""
     _check_json(numbers, "numbers")
     for part in numbers:
         if part not in PARTS:
@@ -47,7 +47,7 @@ def _has_bools(value: Any) -> bool:
 
 
 def _check_json(value: Any, key: str) -> None:
-    """Raise a ValueError that names the key of the first thing in ``value`` that JSON cannot say."""
+    """Raise a ValueError that names the key of the first part of ``value`` that is not JSON."""
     if isinstance(value, dict):
         for inner, item in value.items():
             if not isinstance(inner, str):

@@ -1,4 +1,4 @@
-"""Published textures over space and time, which are not shipped: where a user has the files of one.
+"""Published textures over space and time, which are not shipped: find and read the user's copy.
 
 A. Wolfe, N. Morrical, T. Akenine-Moeller, R. Ramamoorthi, "Spatiotemporal Blue Noise Masks", 2022 (STBN), and
 W. Donnelly, A. Wolfe, J. Buetepage, J. Valdes, "FAST: Filter-Adapted Spatio-Temporal Sampling for Real-Time
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 SWITCH = "QMCJAX_FIGURES_STBN"
-"""The variable by which processes that make figures know of the folder."""
+"""The environment variable that passes the folder to worker processes."""
 
 SUFFIXES = (".png", ".npy", ".exr")
 
@@ -25,7 +25,7 @@ def path() -> Path | None:
 def slices(folder: Path) -> list[Path]:
     """Return the files of frames 0, 1, ... in a folder.
 
-    Raises ValueError if there are none, some of several textures, or a frame is missing.
+    Raises ValueError if there are none, if they belong to several textures, or if a frame is missing.
     """
     textures: dict[tuple[str, str], dict[int, Path]] = {}
     for file in sorted(folder.iterdir()) if folder.is_dir() else []:
@@ -46,18 +46,18 @@ def slices(folder: Path) -> list[Path]:
 def read(folder: Path) -> Any:
     """Return a texture in [0, 1), shape (frames, rows, columns, 1 or 2).
 
-    Of the channels of a file, the first two count that are neither constant nor equal. Values of PNG files
-    are centres of equal parts of [0, 1).
+    The first two channels that are neither constant nor equal are used. Values of PNG files are the centres
+    of equal parts of [0, 1).
 
-    Raises OSError if a file cannot be read; ValueError if the folder has no texture, or files differ in
-    shape, are no images or have numbers outside [0, 1].
+    Raises OSError if a file cannot be read, and ValueError if the folder has no texture, or if files differ
+    in shape, are not images or have values outside [0, 1].
     """
     import numpy as np
 
     from qmcjax.bridges import read_image
 
     files = slices(folder)
-    # Bytes without a transfer: the values are data, not light.
+    # No transfer function: the values are data, not light.
     frames = [
         np.asarray(read_image(file, transfer="linear" if file.suffix == ".png" else None), np.float64)
         for file in files

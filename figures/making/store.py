@@ -1,4 +1,4 @@
-"""The output folder: pictures and one ``numbers.json``, never half-written."""
+"""The output folder: pictures and one ``numbers.json``, which are never half-written."""
 
 import csv
 import io
@@ -11,14 +11,14 @@ from typing import Any
 
 NUMBERS = "numbers.json"
 OF_PROCESS = "numbers-of-process-*.json"
-"""What processes of a job have made, until it is gathered in one file."""
+"""The entries of a job's processes, until they are gathered in one file."""
 
 IMAGE_PARTS = ("file", "difference", "spectrum")
-"""The files of an image that is handed out."""
+"""The files of an exported image."""
 
 
 def prepare(folder: Path) -> None:
-    """Create ``folder`` and write to it once, or raise the OSError that a figure would meet later."""
+    """Create ``folder`` and test that it is writable; raises OSError otherwise."""
     folder.mkdir(parents=True, exist_ok=True)
     probe = _temporary(folder / "probe")
     try:
@@ -28,7 +28,7 @@ def prepare(folder: Path) -> None:
 
 
 def write(path: Path, data: bytes) -> None:
-    """Write a file that is there as a whole or, after any exception, as it was before."""
+    """Write a file completely or, after any exception, leave it as it was."""
     temporary = _temporary(path)
     try:
         temporary.write_bytes(data)
@@ -44,7 +44,7 @@ def _temporary(path: Path) -> Path:
 def read_numbers(folder: Path, file: str = NUMBERS) -> dict[str, dict[str, Any]]:
     """Return the entries of ``numbers.json``, or of another file, by the figures' names.
 
-    Raises OSError if it is not there or cannot be read, ValueError if it is no such file.
+    Raises OSError if the file is missing or cannot be read, and ValueError if it has another format.
     """
     entries = json.loads((folder / file).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
@@ -53,7 +53,7 @@ def read_numbers(folder: Path, file: str = NUMBERS) -> dict[str, dict[str, Any]]
 
 
 def known(folder: Path, warn: Callable[[str], None], file: str = NUMBERS) -> dict[str, dict[str, Any]]:
-    """Return the entries, if any; keep a file that cannot be read under another name, and ``warn``."""
+    """Return the entries, if any; rename a damaged file, and ``warn``."""
     try:
         return read_numbers(folder, file)
     except FileNotFoundError:
@@ -70,16 +70,16 @@ def known(folder: Path, warn: Callable[[str], None], file: str = NUMBERS) -> dic
 def record(
     folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None], process: int | None = None
 ) -> None:
-    """Add or replace one figure's entry; what others wrote since the start of this run is kept.
+    """Add or replace the entry of a figure; entries that others wrote during this run are kept.
 
-    Processes of a job, which write at the same time, have a file each (see :func:`gather`).
+    The processes of a job write at the same time, so each has its own file (see :func:`gather`).
     """
     file = NUMBERS if process is None else OF_PROCESS.replace("*", str(process))
     _replace(folder, known(folder, warn, file) | {name: entry}, file)
 
 
 def gather(folder: Path, warn: Callable[[str], None]) -> None:
-    """Put what processes of a job have made with the other entries."""
+    """Add the entries of a job's processes to the others."""
     for path in sorted(folder.glob(OF_PROCESS)):
         _replace(folder, known(folder, warn) | known(folder, warn, path.name), NUMBERS)
         path.unlink(missing_ok=True)
@@ -91,13 +91,13 @@ def _replace(folder: Path, entries: Mapping[str, Any], file: str) -> None:
 
 
 def image_files(name: str, entry: Mapping[str, Any]) -> list[str]:
-    """Return the files of the images that a figure handed out, by its entry."""
+    """Return the files of the images that a figure exported, according to its entry."""
     items = entry.get("images", {}).get("items", [])
     return [f"{name}.{item[key]}" for item in items for key in IMAGE_PARTS if key in item]
 
 
 def as_csv(rows: list[dict[str, Any]]) -> bytes:
-    """Return a table, one line a row below the names of the columns of the first."""
+    """Return a table as CSV; the first line contains the column names."""
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writerow({name: _inert(name) for name in rows[0]})
@@ -106,10 +106,10 @@ def as_csv(rows: list[dict[str, Any]]) -> bytes:
 
 
 def _inert(cell: Any) -> Any:
-    """Return a cell; text that spreadsheets take for a formula, with an apostrophe before it."""
+    """Return a cell, with an apostrophe before text that a spreadsheet would take for a formula."""
     if not isinstance(cell, str):
         return cell
-    text = cell.replace("\r", "\n")  # Which ``csv`` does not quote: what follows would be a cell of its own.
+    text = cell.replace("\r", "\n")  # ``csv`` does not quote it: the rest would become a cell.
     return f"'{text}" if text.startswith(tuple("=+-@\t\n")) else text
 
 

@@ -1,4 +1,4 @@
-"""What a figure is measured with: the processor, memory, and processes that nothing has warmed or filled."""
+"""The machine that measures: its processor, peak memory, and fresh processes."""
 
 import importlib
 import importlib.metadata
@@ -16,7 +16,7 @@ from typing import Any
 
 PROC = Path("/proc")
 INTERVAL = 0.2
-"""Seconds between looks at the memory."""
+"""Seconds between measurements of memory."""
 
 
 def machine() -> dict[str, Any]:
@@ -26,7 +26,7 @@ def machine() -> dict[str, Any]:
 
 
 def features() -> str:
-    """Return which instructions the processor understands, or its name where the system does not tell."""
+    """Return the instruction set extensions of the processor, or its name if they are unknown."""
     return _first_core("flags") or _first_core("Features") or _processor()
 
 
@@ -35,7 +35,7 @@ def _processor() -> str:
 
 
 def _first_core(key: str) -> str:
-    """Return what Linux tells of the first core, and nothing elsewhere."""
+    """Return a value of the first core on Linux, and an empty string elsewhere."""
     try:
         lines = (PROC / "cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
@@ -44,14 +44,14 @@ def _first_core(key: str) -> str:
 
 
 class Peak:
-    """The most bytes that were seen; 0 where there is nothing to see."""
+    """The largest number of bytes so far; 0 if memory cannot be measured."""
 
     bytes = 0
 
 
 @contextmanager
 def peak_memory() -> Iterator[Peak]:
-    """Look at the resident memory of this process and all that descend from it until the end."""
+    """Measure the resident memory of this process and all its descendants."""
     peak, ended = Peak(), threading.Event()
 
     def watch() -> None:
@@ -66,11 +66,11 @@ def peak_memory() -> Iterator[Peak]:
 
 
 def _family(process: int) -> set[int]:
-    """Return a process and all that it started, and these in turn."""
+    """Return a process and all its descendants."""
     parents = {}
     for path in PROC.glob("[0-9]*/stat"):
         try:
-            # The name stands in parentheses, and may have any character.
+            # The name in parentheses may contain any character.
             parents[int(path.parent.name)] = int(path.read_text().rpartition(")")[2].split()[1])
         except (OSError, IndexError):  # It has ended.
             continue
@@ -83,7 +83,7 @@ def _family(process: int) -> set[int]:
 
 
 def resident(process: int) -> int:
-    """Return the bytes of a process that lie in memory, 0 if there is no such process or no /proc."""
+    """Return the resident bytes of a process; 0 if there is no such process or no /proc."""
     try:
         return int((PROC / f"{process}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, IndexError):
@@ -91,15 +91,15 @@ def resident(process: int) -> int:
 
 
 def measure_apart(module: ModuleType, given: Any) -> Any:
-    """Return what the function ``measure`` of a module returns in a process of its own.
+    """Call the function ``measure`` of a module in a fresh process.
 
-    It takes and returns what JSON has.
+    Its argument and result are JSON values.
     """
     return json.loads(_output(__name__, module.__name__, task=given).splitlines()[-1])
 
 
 def run_apart(module: ModuleType, task: Any) -> str:
-    """Run a module, with a task in JSON at its standard input, and return what it prints."""
+    """Run a module with a task as JSON on its standard input, and return its output."""
     return _output(module.__name__, task=task)
 
 

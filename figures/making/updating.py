@@ -1,4 +1,4 @@
-"""Bring an output folder up to date: make what is missing or whose code changed."""
+"""Bring an output folder up to date: make the figures that are missing or whose code has changed."""
 
 import json
 import shutil
@@ -18,10 +18,10 @@ from figures.making.finished_cells import Place
 from figures.making.workers import Done, Failed, Task, run
 
 CELLS = ".cells"
-"""The folder of what is finished of figures that are not."""
+"""The folder of finished cells of unfinished figures."""
 
 PAGE_INTERVAL = 5
-"""Seconds: the page grows with the figures."""
+"""Seconds between updates of the page while figures are made."""
 
 
 def plan(
@@ -31,10 +31,11 @@ def plan(
     folder: Path,
     formats: Sequence[str] = ("png", "webp"),
 ) -> list[Task]:
-    """Return what makes figures, in the order in which they are made.
+    """Return the tasks that make figures, in order.
 
-    ``quality``: ``"draft"`` or ``"paper"``, in which figures that measure time run alone, at the end: jobs
-    need not wait for each other in between. ``formats``: ends of the files of each picture.
+    ``quality``: ``"draft"`` or ``"paper"``. In paper quality, figures that measure time run alone, at the
+    end, so that jobs do not wait for each other in between. ``formats``: suffixes of the files of each
+    picture.
     """
     tasks = []
     for name in names:
@@ -53,11 +54,12 @@ def update(
     jobs: int,
     grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make the figures that are not up to date, say what became of each, and return which failed.
+    """Make the figures that are not up to date, report each, and return the names of those that failed.
 
-    ``folder``: exists; gets ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of figures
-    that have a table, and ``<name>.<image>.webp`` of those that hand out images. ``jobs``: how many figures
-    to make at a time. ``grow``: called now and then with the names of the figures that failed so far.
+    ``folder``: must exist; receives ``<name>.png`` and ``<name>.webp``, ``numbers.json``, ``<name>.csv`` of
+    figures with a table, and ``<name>.<image>.webp`` of figures that export images. ``jobs``: how many
+    figures to make at a time. ``grow``: called now and then with the names of the figures that have failed so
+    far.
     """
     store.gather(folder, warn)
     failed = make(outdated(tasks, folder), folder, jobs, grow=grow)
@@ -66,7 +68,7 @@ def update(
 
 
 def outdated(tasks: Sequence[Task], folder: Path) -> list[Task]:
-    """Return the figures to make, and say which are up to date."""
+    """Return the figures to make, and report which are up to date."""
     if any(folder.glob("*.png")) and not (folder / store.NUMBERS).exists():
         warn(f"{folder / store.NUMBERS} is missing: the figures are made anew")
     left = missing(tasks, folder)
@@ -77,7 +79,7 @@ def outdated(tasks: Sequence[Task], folder: Path) -> list[Task]:
 
 
 def missing(tasks: Sequence[Task], folder: Path) -> list[Task]:
-    """Return the figures that are not there as they are to be, with all their files."""
+    """Return the figures that are outdated or lack a file."""
     entries = store.known(folder, warn)
     return [task for task in tasks if not _is_whole(task, folder, entries.get(task.name, {}))]
 
@@ -97,10 +99,10 @@ def make(
     check: Callable[[], None] = lambda: None,
     grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make figures, keep them, and return which failed.
+    """Make figures, keep them, and return the names of those that failed.
 
-    ``process``: the number of this one in a job, where ``claim`` takes a figure that no other one makes, and
-    ``check`` raises an exception when the job has ended.
+    In a job, ``process`` is the number of this process, ``claim`` claims a figure that no other process
+    makes, and ``check`` raises an exception when the job has ended.
     """
     failed: list[str] = []
     ended, due = 0, 0.0
@@ -108,7 +110,7 @@ def make(
     with tqdm(total=len(tasks), bar_format=layout, leave=False, disable=None) as bar:
 
         def take(task: Task) -> bool:
-            """Claim a figure, or take it off the bar."""
+            """Claim a figure, or remove it from the bar."""
             claimed = claim(task)
             bar.total -= not claimed
             return claimed
@@ -126,14 +128,14 @@ def make(
                 if task.place is not None:
                     task.place.end()
                 if grow is not None and time.monotonic() >= due:
-                    with suppress(OSError):  # The command says so in the end.
+                    with suppress(OSError):  # The command reports it at the end.
                         grow(failed)
                     due = time.monotonic() + PAGE_INTERVAL
     return failed
 
 
 def _finish(folder: Path, task: Task, result: Done | Failed, process: int | None = None) -> bool:
-    """Keep a figure, say what became of it, and return whether it is there."""
+    """Keep a figure, report its result, and return whether it succeeded."""
     kept = result if isinstance(result, Failed) else _keep(folder, task, result, process)
     if isinstance(kept, Failed):
         say(f"{task.name}: failed")
@@ -144,7 +146,7 @@ def _finish(folder: Path, task: Task, result: Done | Failed, process: int | None
 
 
 def _keep(folder: Path, task: Task, done: Done, process: int | None) -> float | Failed:
-    """Write a figure, its entry last, since only the entry says that the picture is up to date."""
+    """Write a figure, its entry last, since the entry marks the picture as up to date."""
     head = {"title": task.title, "quality": task.quality, "fingerprint": task.fingerprint}
     entry = head | json.loads(done.entry)
     try:
@@ -159,15 +161,15 @@ def _keep(folder: Path, task: Task, done: Done, process: int | None) -> float | 
 
 
 def forget_cells(folder: Path, names: Collection[str]) -> None:
-    """Delete what is not needed any more of figures that are finished."""
+    """Delete the cells of finished figures."""
     for name in names:
         shutil.rmtree(folder / CELLS / name, ignore_errors=True)
-    with suppress(OSError):  # There is none, or others are not finished.
+    with suppress(OSError):  # It is missing, or other figures are not finished.
         (folder / CELLS).rmdir()
 
 
 def warn(text: str) -> None:
-    """Say what is wrong, beside the progress."""
+    """Print a warning beside the progress bar."""
     say(f"warning: {text}", sys.stderr)
 
 

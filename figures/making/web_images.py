@@ -1,4 +1,4 @@
-"""Images that figures hand out, as lossless WebPs, each with its difference from the first and spectrum."""
+"""Images that figures export, as lossless WebPs, each with its difference from the first and its spectrum."""
 
 import io
 import re
@@ -17,20 +17,20 @@ TRANSFER = "linear values, clipped to [0, 1], by the curve of sRGB"
 AS_IT_IS = "values as they are"
 SHADES = 16
 DECADES = (-2.0, 2.0)
-"""Powers of ten that are black and white in a spectrum; 0 is the mean of any."""
+"""Powers of ten that are black and white in a spectrum; the mean power is 10^0."""
 
 DEVIATIONS = 3
-"""How many root mean squares of a difference are white."""
+"""The difference that is white, in root mean squares."""
 
 
 def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str, Any]]:
-    """Encode images of one shape, the reference first; raise a TypeError or ValueError if they are none.
+    """Encode images of the same shape, the reference first; raises TypeError or ValueError for others.
 
     ``images``: finite floats, linear, or uint8, shape (height, width) or (height, width, 3). Names such as
-    "Z, 16 spp" make a series. Returns WebPs, by the part of the file's name that follows the figure's; and a
-    description: width, height, transfer, and the items: name, spp of series, file, and of all but the
-    reference the files of difference and spectrum, the difference's root mean square and the scale of its
-    picture.
+    "Z, 16 spp" make a series. Returns the WebPs by the part of their file names after the figure's name, and
+    a description: width, height, transfer, and the items. An item has a name, spp in a series, and a file;
+    all except the reference also have the files of difference and spectrum, the root mean square of the
+    difference and the scale of its picture.
     """
     arrays = _check(images)
     first, *others = arrays
@@ -40,7 +40,7 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
     scales = _scales(differences)
 
     def add(name: str, pixels: NDArray[np.uint8]) -> str:
-        buffer = io.BytesIO()  # A WebP bit by bit is a fifth smaller than a PNG.
+        buffer = io.BytesIO()  # A lossless WebP is a fifth smaller than a PNG.
         Image.fromarray(pixels).save(buffer, format="webp", lossless=True, exact=True)
         files[f"{name}.webp"] = buffer.getvalue()
         return f"{name}.webp"
@@ -90,7 +90,7 @@ def _check(images: Mapping[str, ArrayLike]) -> dict[str, NDArray]:
 
 
 def slug(name: str) -> str:
-    """Return what files of images are named by: small letters and digits."""
+    """Return a name in lower-case letters and digits for a file."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")
 
 
@@ -101,7 +101,7 @@ def _parts(name: str) -> tuple[str, int | None]:
 
 
 def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
-    """Return the difference that is white, one for all images of as many samples: they are to be compared."""
+    """Return the difference that is white, the same for all images with equal samples, to compare them."""
     largest: dict[int | None, float] = {}
     for name, difference in differences.items():
         _, spp = _parts(name)
@@ -110,7 +110,7 @@ def _scales(differences: dict[str, NDArray]) -> dict[int | None, float]:
 
 
 def _round_up(value: float) -> float:
-    """Return the next of 1, 2 or 5 times a power of ten; 1 for no difference."""
+    """Round up to 1, 2 or 5 times a power of ten; return 1 for 0."""
     if value == 0:
         return 1.0
     power = int(np.floor(np.log10(value)))
@@ -123,14 +123,14 @@ def _grey(image: NDArray) -> NDArray:
 
 
 def _signed(difference: NDArray, scale: float) -> NDArray[np.uint8]:
-    """Return mid-grey for none, white for ``scale`` too bright."""
+    """Map a difference to greys: 0 is mid-grey, and ``scale`` is white."""
     return np.round(127.5 + 127.5 * np.clip(_grey(difference) / scale, -1, 1)).astype(np.uint8)
 
 
 def _spectrum(image: NDArray, reference: NDArray) -> NDArray[np.uint8]:
-    """Return the error's power in decades, frequency 0 in the middle, black for no error.
+    """Return the logarithm of the error's power, frequency 0 in the middle, black for no error.
 
-    In few greys: noise does not compress.
+    A few greys suffice, and more would not compress.
     """
     if np.ptp(image - reference, axis=(0, 1)).max() == 0:
         return np.zeros(image.shape[:2], np.uint8)

@@ -1,4 +1,4 @@
-"""Processes that make one figure after the other, so that JAX starts once."""
+"""Worker processes that make one figure after the other, so that JAX starts only once."""
 
 import gc
 import importlib
@@ -28,14 +28,14 @@ from figures.making.this_machine import machine, resident
 
 DPI = 300
 INTERVAL = 0.1
-"""Seconds between looks at what the workers are at."""
+"""Seconds between updates of the workers' progress."""
 
 MEMORY = 500_000_000
-"""Bytes: a worker that holds more after a task makes room for a new one."""
+"""Bytes: a worker that uses more after a task is replaced by a new one."""
 
 MAPS = 30_000
-"""Programs are forgotten above it. Each that is compiled has maps of memory, of which Linux allows a
-process 65,530; LLVM ends the process where there are no more."""
+"""Memory maps above which compiled programs are dropped. Each program has some; Linux allows 65,530 per
+process, and LLVM aborts the process when there are no more."""
 
 PRELOADED = (
     "figures.__main__",
@@ -46,8 +46,8 @@ PRELOADED = (
     "figures.shared.sheets.image_sheets",
     "figures.shared.rendered.pixel_sets",
 )
-"""What workers and most figures import: to import JAX, SciPy and matplotlib takes longer than many drafts. No
-backend of JAX may start by it, whose threads do not survive a fork."""
+"""Modules that workers and most figures import: importing JAX, SciPy and matplotlib takes longer than many
+drafts. They must not start a backend of JAX, since its threads do not survive a fork."""
 
 
 class Task(NamedTuple):
@@ -59,11 +59,11 @@ class Task(NamedTuple):
     title: str = ""
     fingerprint: str = ""
     alone: bool = False
-    """Whether no other task may run beside it: it measures time, that of compiling as well."""
+    """Whether no other task may run at the same time, since it measures run and compile time."""
     place: Place | None = None
-    """Where cells are kept and shared."""
+    """The folder where cells are kept and shared."""
     formats: tuple[str, ...] = ("png", "webp")
-    """Ends of the files of its picture; ``pdf`` may be another."""
+    """Suffixes of the files of its picture; ``pdf`` is possible as well."""
 
 
 class Done(NamedTuple):
@@ -72,7 +72,7 @@ class Done(NamedTuple):
     entry: str
     """Its entry in ``numbers.json``, as JSON: unpickling NumPy's scalars would import NumPy."""
     files: dict[str, bytes]
-    """The picture, a smaller one for the page and what is handed out, by the ends of their names."""
+    """The picture, a smaller one for the page, and exported files, by the ends of their names."""
 
 
 class Failed(NamedTuple):
@@ -85,14 +85,14 @@ def run(
     claim: Callable[[Task], bool] = lambda task: True,
     watch: Callable[[Mapping[str, float]], object] = lambda fractions: None,
 ) -> Generator[tuple[Task, Done | Failed], None, None]:
-    """Yield tasks and what came of each, ``jobs`` at a time if they may, and kill the workers when closed.
+    """Yield tasks with their results, up to ``jobs`` at a time, and kill the workers when closed.
 
-    Tasks are started in their order; a worker is kept for the next one. ``claim`` is asked before a task is
-    started; one for which it returns False is left out. ``watch`` is called all the time, with the finished
-    fractions of the tasks that run, by their names; what it raises ends all.
+    Tasks start in the given order, in reused workers. ``claim`` is called before a task starts; if it returns
+    False, the task is skipped. ``watch`` is called repeatedly with the finished fractions of the running
+    tasks by name; an exception that it raises ends all tasks.
     """
-    # XLA's buffers come from malloc, whose fresh 4 KiB pages can cost more than the arithmetic;
-    # huge pages are a matter of the environment before a process starts.
+    # XLA allocates with malloc, whose fresh 4 KiB pages can cost more than the arithmetic. Huge pages must
+    # be enabled in the environment before a process starts.
     os.environ.setdefault("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1")
     os.environ["MPLBACKEND"] = "Agg"
     context = _context(tasks)
@@ -132,7 +132,7 @@ def _may_start(task: Task, running: Sequence[Task], jobs: int) -> bool:
 
 
 def _context(tasks: Sequence[Task]) -> SpawnContext | ForkServerContext:
-    """Fork workers for the project's figures, where that is safe, from a process that has imported much."""
+    """Fork workers for the project's figures, where this is safe, from a process with the imports done."""
     if sys.platform != "linux" or not all(task.module.startswith("figures.") for task in tasks):
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
@@ -141,14 +141,14 @@ def _context(tasks: Sequence[Task]) -> SpawnContext | ForkServerContext:
 
 
 class _Worker:
-    """A pool of one process: one that is lost takes no task with it but its own."""
+    """A pool of one process, so that a lost process loses only its own task."""
 
     def __init__(self, context: SpawnContext | ForkServerContext) -> None:
         self.fraction = context.RawValue("d")
         self._pool = ProcessPoolExecutor(1, context, _begin, (self.fraction,))
         others = set(multiprocessing.active_children())
-        # Ctrl-C reaches every process of a terminal. It is this one's business: a signal that is
-        # ignored when a process starts stays ignored in it, from before its first import on.
+        # Ctrl-C reaches every process of a terminal, and only this one should handle it: a signal that is
+        # ignored when a process starts stays ignored in it, even before its first import.
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             self._pool.submit(int)
@@ -169,13 +169,13 @@ class _Worker:
 
 
 _fraction: Any = None
-"""The part of its task that this process has finished, in memory that it shares with the command."""
+"""The finished fraction of this process' task, in memory shared with the command."""
 
 
 def _begin(fraction: Any) -> None:
     global _fraction
     _fraction = fraction
-    gc.freeze()  # Collections would write to, and so copy, all that was imported before a fork.
+    gc.freeze()  # Garbage collection would write to the imported pages, and so copy them.
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compiled_programs.heal()
 
@@ -195,14 +195,14 @@ def _answer(task: Task) -> Done | Failed:
         compiled_programs.measure_without()
     try:
         return draw(task, progress)
-    except Exception:  # The command shows it whole, and the other figures still run.
+    except Exception:  # The command shows it, and the other figures still run.
         return Failed(traceback.format_exc())
     finally:
         forget_programs()
 
 
 def draw(task: Task, progress: Callable[[float], None]) -> Done:
-    """Make a figure; raise a TypeError or ValueError if what its module returns is none."""
+    """Make a figure; raise TypeError or ValueError if its module returns anything else."""
     start = time.perf_counter()
     module, function = f"{task.module}:make".split(":")[:2]
     make = getattr(importlib.import_module(module), function)
@@ -213,7 +213,7 @@ def draw(task: Task, progress: Callable[[float], None]) -> Done:
     from figures._rc import rc
 
     PLACE.set(task.place)
-    with rc():  # What a figure does to matplotlib's parameters must not reach the next one.
+    with rc():  # Changes of matplotlib's parameters must not reach the next figure.
         parts = make(task.quality, progress)
         if not (len(parts) in (2, 3, 4) and isinstance(parts[0], Figure) and isinstance(parts[1], dict)):
             types = ", ".join(type(part).__name__ for part in parts)
@@ -250,7 +250,7 @@ def _encode(picture: Any, formats: Sequence[str]) -> dict[str, bytes]:
     picture.set_dpi(DPI)
     picture.savefig(buffer, format="png", dpi=DPI, pil_kwargs={"compress_level": 0})
     with Image.open(buffer) as image:
-        pixels = image.convert("RGB")  # None is transparent.
+        pixels = image.convert("RGB")  # No picture is transparent.
     pixels.save(png, format="png", dpi=(DPI, DPI))  # optimize=True: 8 times the time for 2 % less.
     pixels.save(webp, format="webp", lossless=True, method=1, quality=20)  # Half the time for 20 % more.
     files = {"png": png.getvalue(), "webp": webp.getvalue()}

@@ -6,14 +6,14 @@ from typing import Any
 import jax
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 import analysis
 from analysis import design_samples
 from figures.ours import designed_tiles, space_time
-from figures.shared.sheets.image_sheets import DPI
-from figures.shared.sheets.panels import name_axes, write_title
+from figures.shared.sheets.image_sheets import DPI, add_axes, image_grid
+from figures.shared.sheets.panels import name_axes
 from qmcjax import samplers, scenes
 from qmcjax.core import student
 
@@ -48,29 +48,21 @@ NOTE = (
 )
 
 
-def make_scenes(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
+def measure_scenes(
+    quality: str, progress: Callable[[float], None]
+) -> tuple[dict[str, dict[str, dict[str, float]]], dict]:
     """Design points for each scene, and measure them by all cameras."""
     side, counts = SIDE[quality], COUNTS[quality]
-    measured: dict[str, dict[str, Any]] = {}
+    found: dict[str, dict[str, Any]] = {}
     for k, spp in enumerate(counts):
         for done, name in enumerate(SHOWN[quality], start=1):
-            found = _measure(SCENES[name](), side, spp, STEPS[quality], DESIGNS[quality])
-            measured.setdefault(f"{spp} spp", {})[name] = found
+            of_scene = _measure(SCENES[name](), side, spp, STEPS[quality], DESIGNS[quality])
+            found.setdefault(f"{spp} spp", {})[name] = of_scene
             progress((k + done / len(SHOWN[quality])) / len(counts))
-    gains = {camera: [of[camera] for row in measured.values() for of in row.values()] for camera in CAMERAS}
-    figure = Figure(figsize=(5.5 * len(counts) + 1, 4.6), layout="constrained")
-    ranges = [f"{min(gains[camera]):.2f} to {max(gains[camera]):.2f}" for camera in (CAMERAS[0], CAMERAS[2])]
-    write_title(
-        figure,
-        f"Points that know their scene have {ranges[0]} of the errors of designed tiles, "
-        f"and {ranges[1]} after a pan by 8 pixels",
-    )
-    panels = np.atleast_1d(figure.subplots(1, len(counts)))
-    for axes, (count, row) in zip(panels, measured.items(), strict=True):
-        _draw(axes, count, row)
-    measured["geometric means"] = {camera: float(np.exp(np.mean(np.log(of)))) for camera, of in gains.items()}
+    gains = {camera: [of[camera] for row in found.values() for of in row.values()] for camera in CAMERAS}
+    means = {camera: float(np.exp(np.mean(np.log(of)))) for camera, of in gains.items()}
     note = NOTE.format(side=side, keys=KEYS, steps=STEPS[quality], designs=DESIGNS[quality])
-    return figure, {"measured": measured, "note": note}
+    return found, {"measured": {**found, "geometric means": means}, "note": note}
 
 
 def _measure(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int) -> dict[str, float]:
@@ -92,52 +84,66 @@ def _measure(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int)
     return {**dict(zip(CAMERAS, gains.tolist(), strict=True)), "half interval": half}
 
 
-def _draw(axes: Axes, count: str, row: dict[str, dict[str, float]]) -> None:
-    places = np.arange(len(row))
-    half = [of["half interval"] for of in row.values()]
-    axes.errorbar(
-        places, np.ones(len(row)), half, fmt="none", ecolor="0.4", capsize=4, label="designed for the class"
-    )
-    for camera, marker in zip(CAMERAS, "os^", strict=True):
-        axes.plot(places, [of[camera] for of in row.values()], marker, label=f"for the scene, {camera}")
-    axes.axhline(1, color="0.4", linewidth=0.8)
-    y = "filtered error / that of tiles for the class"
-    name_axes(axes, y=y, title=count, log="y", few_decades=True, legend="best")
-    axes.set_xticks(places, list(row), rotation=20)
-
-
-PARTS = {
-    "tiles": designed_tiles.make,
-    "animations": space_time.make,
-    "scenes": make_scenes,
-}
-
-
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict, dict[str, bytes]]:
-    """Make all parts, and put their pictures below each other."""
-    pictures, measured, notes, files = [], {}, [], {}
-    for done, (name, part) in enumerate(PARTS.items()):
-        made: Any = part(quality, lambda of_part, done=done: progress((done + of_part) / len(PARTS)))
-        picture, numbers, *handed = made
-        pictures.append(picture)
-        measured[name] = numbers["measured"]
-        notes.append(f"{name.capitalize()}: {numbers['note']}")
-        files |= dict(*handed[1:])
-    return _stack(pictures), {"measured": measured, "note": " ".join(notes)}, {}, files
+    """Measure all parts, and draw errors of tiles, over samples, in scenes, and in animations."""
+    tiles = designed_tiles.measure(quality, lambda part: progress(part / 3))
+    tables, of_frames, files = space_time.measure(quality, lambda part: progress((1 + part) / 3))
+    found, of_scenes = measure_scenes(quality, lambda part: progress((2 + part) / 3))
+    parts = {"tiles": tiles.numbers, "animations": of_frames, "scenes": of_scenes}
+    return (
+        _draw(tiles, tables, found),
+        {
+            "measured": {name: of["measured"] for name, of in parts.items()},
+            "note": " ".join(f"{name.capitalize()}: {of['note']}" for name, of in parts.items()),
+        },
+        {},
+        files,
+    )
 
 
-def _stack(figures: list[Figure]) -> Figure:
-    """Return one figure of the pixels of several, from top to bottom."""
-    images = []
-    for figure in figures:
-        figure.set_dpi(DPI)
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        images.append(np.asarray(canvas.buffer_rgba())[..., :3])
-    width, height = max(image.shape[1] for image in images), sum(len(image) for image in images)
-    whole = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    top = height
-    for image in images:
-        top -= len(image)
-        whole.figimage(image, (width - image.shape[1]) // 2, top, origin="upper")
-    return whole
+HIGH, LEFT, TABLE = 420, 200, 560
+"""Pixels of axes, and left of them, and the height of the table."""
+
+
+def _draw(tiles: designed_tiles.Tiles, tables: space_time.Tables, found: dict[str, dict]) -> Figure:
+    low, high = (of(case["ratio"] for case in tiles.beside.values()) for of in (min, max))
+    case, table = next(iter(tables.items()))
+    figure = image_grid(
+        f"Designed tiles leave {low:.2f} to {high:.2f} of the best other sampler's filtered error\n"
+        "above: errors of one sample per pixel, where all pixels have the same integrand\n"
+        f"below: animations, {case} and frame, filtered errors / white noise; bold: least",
+        designed_tiles.draw_errors(tiles),
+        len(designed_tiles.SHOWN),
+        below=HIGH + TABLE + 640,
+    )
+    bottom = TABLE + 510
+    for k, dims in enumerate(designed_tiles.DIMS):
+        axes = add_axes(figure, LEFT + 640 * k, bottom, 430, HIGH)
+        designed_tiles.draw_curves(axes, tiles, dims)
+    handles, names = axes.get_legend_handles_labels()
+    across, down = figure.get_size_inches() * DPI
+    look = {"loc": "upper left", "frameon": False, "ncols": 2}
+    figure.legend(handles, names, bbox_to_anchor=(80 / across, (bottom - 90) / down), **look)
+    axes = add_axes(figure, LEFT + 1330, bottom, 520, HIGH)
+    _draw_scenes(axes, found)
+    handles, names = axes.get_legend_handles_labels()
+    look["ncols"] = 1
+    figure.legend(handles, names, bbox_to_anchor=(1400 / across, (bottom - 90) / down), **look)
+    space_time.draw_table(add_axes(figure, 620, 100, 1400, TABLE), table)
+    return figure
+
+
+def _draw_scenes(axes: Axes, found: dict[str, dict]) -> None:
+    """Draw what points that were designed for a scene leave of the errors of others."""
+    (count, row), *_ = found.items()
+    for camera, marker in zip(CAMERAS, "os^", strict=True):
+        axes.plot([of[camera] for of in row.values()], range(len(row)), marker, ms=5, label=camera)
+    half = [of["half interval"] for of in row.values()]
+    axes.errorbar(np.ones(len(row)), range(len(row)), xerr=half, fmt="none", ecolor="0.4", capsize=3)
+    axes.axvline(1, color="0.4", linewidth=0.8)
+    name_axes(axes, "error / that of tiles", title=f"designed for a scene, {count}", log="x")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_yticks(range(len(row)), [name.replace("_", "\n") for name in row])
+    axes.set_ylim(-0.5, len(row) - 0.5)

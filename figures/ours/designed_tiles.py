@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
@@ -14,9 +13,8 @@ from figures import plot
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.integrands_of_dims import CLASSES, COUNT
-from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import Panel
 from figures.shared.sheets.panels import curve, name_axes
-from qmcjax import render, samplers, scenes
 from qmcjax.choosing import CANDIDATES
 
 OURS = "designed tiles"
@@ -39,17 +37,16 @@ class Size(NamedTuple):
     side: int
     counts: tuple[int, ...]
     keys: int
-    scenes: tuple[str, ...]
     rivals: tuple[str, ...]
 
 
 SIZES = {
-    "draft": Size(64, (1, 4, 16), 4, ("soft_shadow", "defocused_edge"), FEW),
-    "paper": Size(128, (1, 2, 4, 8, 16, 64), 16, ("occluder", "cornell_box"), RIVALS),
+    "draft": Size(64, (1, 4, 16), 4, FEW),
+    "paper": Size(128, (1, 2, 4, 8, 16, 64), 16, RIVALS),
 }
 DIMS = (2, 4)
-CROP, PANEL = 64, 256
-"""Pixels that are shown of the images, and those of the picture that they take."""
+CROP = 64
+"""Pixels that are shown of the images, a side."""
 
 WHITE = 0.1880
 """What the filter leaves of white noise of standard deviation 1: 1 / (2 sqrt(pi) 1.5)."""
@@ -68,8 +65,19 @@ NOTE = (
 )
 
 
-def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure all samplers, and draw errors, the tile, and two scenes."""
+class Tiles(NamedTuple):
+    """What was measured of tiles and of other samplers."""
+
+    images: dict[str, NDArray]
+    """Errors of one sample per pixel in two dimensions, by sampler."""
+    filtered: dict[tuple[int, str, int], NDArray[np.float64]]
+    beside: dict[str, dict[str, Any]]
+    """How filtered errors compare with the best other sampler's, by case."""
+    numbers: dict
+
+
+def measure(quality: str, progress: Callable[[float], None]) -> Tiles:
+    """Measure all samplers."""
     size = SIZES[quality]
     names, measured, shown = (OURS, *size.rivals), {}, {}
     steps = len(DIMS) * len(names) * len(size.counts)
@@ -83,23 +91,15 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 ]
                 measured[dims, name, spp] = [_errors(image) for image in images]
                 if name in SHOWN and (dims, spp) == (2, 1):
-                    shown[name] = images[0]
-                progress(0.8 * len(measured) / steps)
+                    shown[name] = images[0][..., 0]
+                progress(len(measured) / steps)
     filtered, plain = (_means(measured, k) for k in range(2))
     cases = {f"{dims}-D, {spp} spp": (dims, spp) for dims in DIMS for spp in size.counts}
     beside = {name: _beside_best(filtered, *case, size.rivals) for name, case in cases.items()}
     ours, rows = (
         CANDIDATES[name].make(2, size.side, size.side, 4, 1) for name in (OURS, "raster, Owen-Sobol'")
     )
-    slower = integrands_of_dims.time_ratio(ours, rows, size.side, 4)
-    progress(0.85)
-    pictures = {name: _picture(name, size.side) for name in size.scenes}
-    low, high = (of(found["ratio"] for found in beside.values()) for of in (min, max))
-    title = (
-        f"Designed tiles leave {low:.2f} to {high:.2f} of the best other sampler's filtered error\n"
-        "where all pixels have the same integrand"
-    )
-    return _draw(title, size, shown, filtered, plain, pictures), {
+    numbers = {
         "measured": {
             "filtered error / white noise": _listed(filtered),
             "RMS error / white noise": _listed(plain),
@@ -108,10 +108,11 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 name: float(plain[dims, OURS, spp].mean() / plain[dims, "(0,2), Owen", spp].mean())
                 for name, (dims, spp) in cases.items()
             },
-            "time of x y at 4 spp / time along rows": slower,
+            "time of x y at 4 spp / time along rows": integrands_of_dims.time_ratio(ours, rows, size.side, 4),
         },
         "note": NOTE.format(side=size.side, keys=size.keys),
     }
+    return Tiles(shown, filtered, beside, numbers)
 
 
 Found = dict[tuple[int, str, int], NDArray[np.float64]]
@@ -142,73 +143,24 @@ def _listed(found: Found) -> dict[str, dict[str, float]]:
     return listed
 
 
-def _picture(name: str, side: int) -> dict[str, NDArray]:
-    scene: Any = getattr(scenes, name)()
-    dims = len(scene.needs)
-    made = {
-        called: CANDIDATES[called].make(dims, side, side, 1, 1)
-        for called in SHOWN
-        if CANDIDATES[called].most_dims >= dims
-    }
-    images = {called: np.asarray(render(scene, one, side, side, 1)) for called, one in made.items()}
-    return {called: plot.srgb(np.clip(image, 0, 1)) for called, image in images.items()}
-
-
-def _draw(
-    title: str, size: Size, shown: dict[str, NDArray], filtered: Found, plain: Found, pictures: dict
-) -> Figure:
+def draw_errors(tiles: Tiles) -> list[Panel]:
+    """Return images of errors, each with what the filter leaves of it."""
+    spread = 3 * float(np.std(tiles.images["(0,2), Owen"]))
     panels = []
-    spread = 3 * float(np.std(shown["(0,2), Owen"][..., 0]))
     for name in SHOWN:
-        error = shown[name][..., :1]
+        error = tiles.images[name]
         left = analysis.filtered_error(error, np.zeros_like(error)) / WHITE
-        caption = f"{name}, 1 spp: error\nfiltered {left:.2f} of white noise"
-        panels.append(Panel(caption, error[:CROP, :CROP, 0], (-spread, spread)))
-    for scene, images in pictures.items():
-        for name in SHOWN:
-            middle = (len(images[name]) - CROP) // 2
-            cut = images[name][middle : middle + CROP, middle : middle + CROP]
-            panels.append(Panel(f"{scene.replace('_', ' ')}, 1 spp\n{name}", cut))
-    height, width = 250, 300
-    figure = image_grid(title, panels, len(SHOWN), below=2 * height + 190)
-    tile = _tile(1)
-    axes = add_axes(figure, 40, height + 140, height, height)
-    axes.imshow(tile, interpolation="nearest")
-    axes.set(xticks=[], yticks=[])
-    axes.set_title("one tile: the sample of each pixel,\nx as red, y as blue", fontsize=8)
-    axes = add_axes(figure, 400, height + 150, width, height - 20)
-    spectra = {name: integrands_of_dims.mean_spectrum(of) for name, of in shown.items()}
-    plot.spectrum(spectra, title="Spectra of errors, 1 spp", ax=axes)
-    axes.legend().remove()
-    cases = [("filtered", filtered), ("of each pixel", plain)]
-    for k, (dims, (what, found)) in enumerate((d, case) for case in cases for d in DIMS):
-        axes = add_axes(figure, 98 + 262 * k, 60, 176, height - 20)
-        _curves(axes, found, dims, size)
-        axes.set_title(f"error {what}, {dims}-D", fontsize=9)
-        if k == 0:
-            axes.set_ylabel("error / white noise, 1 spp")
-            handles, labels = axes.get_legend_handles_labels()
-            across = figure.get_size_inches()[0] * figure.dpi
-            where = (820 / across, (height + 140) / (figure.get_size_inches()[1] * figure.dpi))
-            figure.legend(handles, labels, loc="lower left", bbox_to_anchor=where, frameon=False, fontsize=8)
-    return figure
+        caption = f"{name}\nfiltered: {left:.2f}"
+        panels.append(Panel(caption, error[:CROP, :CROP], (-spread, spread)))
+    return panels
 
 
-def _curves(axes: Axes, found: Found, dims: int, size: Size) -> None:
-    names, counts = (OURS, *size.rivals), size.counts
+def draw_curves(axes: Axes, tiles: Tiles, dims: int) -> None:
+    """Draw filtered errors over samples."""
+    names = list(dict.fromkeys(name for _, name, _ in tiles.filtered))
+    counts = list(dict.fromkeys(spp for _, _, spp in tiles.filtered))
     for name in names:
-        style = plot.style(name, names)
-        errors = {spp: float(found[dims, name, spp].mean()) for spp in counts}
-        curve(axes, errors, style, label=name)
-    name_axes(axes, "samples per pixel", log="xy", ticks=counts, few_decades=True)
-
-
-SIDES = {1: 64, 2: 64, 4: 32, 8: 32, 16: 16}
-"""Of the tiles in two dimensions, by numbers of samples."""
-
-
-def _tile(spp: int) -> NDArray[np.float64]:
-    side = SIDES[spp]
-    y, x = np.mgrid[:side, :side].astype(np.uint32)
-    points = np.asarray(samplers.designed(side, side, spp, 1)(x, y, 0))
-    return np.stack([points[..., 0], np.full((side, side), 0.5), points[..., 1]], axis=-1)
+        errors = {spp: float(tiles.filtered[dims, name, spp].mean()) for spp in counts}
+        curve(axes, errors, plot.style(name, names), label=name)
+    x, y = "samples per pixel", "filtered error / white noise"
+    name_axes(axes, x, y, f"{dims}-D integrands", log="xy", ticks=counts, few_decades=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 import analysis
 from figures import plot
 from figures.shared.sheets import point_plots
-from figures.shared.sheets.panels import curve, name_axes, new_figure, text_table
+from figures.shared.sheets.panels import curve, name_axes, new_figure
 from qmcjax import sequences
 
 MEASURES: dict[str, Callable[[NDArray[np.float64]], float]] = {
@@ -116,7 +116,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             parts.append(row)
         progress((done + 1) / len(chosen))
     columns = ("kind", "dims", "n", "record", "published", "source", "of published", SOBOL, "seconds")
-    return _draw(curves, rows, parts), {
+    return _draw(curves, parts), {
         "measured": {f"{row['kind']}, {row['dims']}-D, {row['n']} points": row for row in rows + parts},
         "note": NOTE,
         "table": [{name: row.get(name) for name in columns} for row in rows + parts],
@@ -148,46 +148,51 @@ def _golden(n: int) -> NDArray[np.float64]:
     return np.stack([(i + 0.5) / n, (i + 0.5) * (np.sqrt(5) - 1) / 2 % 1], axis=1)
 
 
-def _draw(curves: dict[int, dict[str, dict[int, float]]], rows: list[dict], parts: list[dict]) -> Figure:
-    """Draw star discrepancies by dimensions and L2 discrepancies above the table."""
-    lines = (len(rows) + 1) // 2
+def _draw(curves: dict[int, dict[str, dict[int, float]]], parts: list[dict]) -> Figure:
+    """Draw star discrepancies in the plane, and parts of Sobol's that are left in more dimensions."""
     figure = new_figure(
-        "Searched points: about half of Sobol's star discrepancy, smaller L2 discrepancies, all certified",
-        9.5,
+        "Searched points have about half of Sobol's star discrepancy, and smaller L2 discrepancies", 6.2
     )
-    layout = figure.subplot_mosaic(
-        "aabbcc;ddeeff;ggghhh", height_ratios=[4, 4, 0.6 + 0.19 * lines]
-    )  # fmt: skip
-    for dims, panel in zip(curves, "abcde", strict=True):
-        _panel(layout[panel], dims, curves[dims])
-    for name, values in (("proven optimum", OPTIMAL), *PUBLISHED.items()):
-        shown = {n: n * value for n, value in values.items() if n in curves[2]["record"]}
-        curve(layout["a"], shown, MARKS[name], ls="", ms=6, label=name)
-    selected = {n: SUBSETS * value for n, value in curves[6][SOBOL].items() if 30 <= n <= 240}
-    look = MARKS["permutations"]._replace(marker="_", line="--")
-    curve(layout["e"], selected, look, ms=6, lw=1.5, label="35 % below, most of 2306.15276")
-    for panel in "abcde":
-        layout[panel].legend(frameon=False, loc="upper left", fontsize=7, ncols=2 if panel == "a" else 1)
-    _l2_panel(layout["f"], parts)
-    for panel, some in (("g", rows[:lines]), ("h", rows[lines:])):
-        heads = ["dims", "n", "D* found", "published", "by", "part", SOBOL, "seconds"]
-        widths = [0.7, 0.8, 1.3, 1.2, 1.8, 0.8, 1.1, 1.0]
-        text_table(layout[panel], heads, list(map(_cells, some)), widths=widths)
+    layout = figure.subplot_mosaic("aa;bc")
+    _plane(layout["a"], curves[2])
+    left = {
+        f"{dims}-D": {n: value / of[SOBOL][n] for n, value in of["record"].items()}
+        for dims, of in curves.items()
+    }
+    looks = {
+        name: plot.Style(f"C{k}", mark) for k, (name, mark) in enumerate(zip(left, "osD^v", strict=True))
+    }
+    for name, of in left.items():
+        curve(layout["b"], of, looks[name], label=name)
+    layout["b"].plot([30, 240], [SUBSETS, SUBSETS], "k--", lw=1.2, label="6-D, published")
+    for (kind, line), dims in itertools.product(L2_STYLES.items(), CONSTRUCTED):
+        of_kind = [row for row in parts if (row["kind"], row["dims"]) == (kind, dims)]
+        shown = {row["n"]: row["record"] / row[SOBOL] for row in of_kind}
+        curve(layout["c"], shown, looks[f"{dims}-D"]._replace(line=line))
+    layout["c"].plot([], [], "k-", label="periodic L2 discrepancy")
+    layout["c"].plot([], [], "k--", label="root of the average squared")
+    titles = {"b": "star discrepancy in 2 to 6 dimensions", "c": "L2 discrepancies in 2 to 6 dimensions"}
+    for panel, title in titles.items():
+        legend = {"legend": "lower left", "ncols": 2} if panel == "b" else {"legend": "lower left"}
+        name_axes(layout[panel], "number of points n", "part of Sobol's", title, **legend)
+        layout[panel].set_xscale("log", base=2)
+        layout[panel].set_ylim(0, None)
     return figure
 
 
-def _cells(row: dict) -> list[str]:
-    known = row["published"] is not None
-    return [
-        str(row["dims"]),
-        str(row["n"]),
-        f"{row['record']:.7f}",
-        f"{row['published']:g}" if known else "-",
-        row["source"] or "-",
-        f"{row['of published']:.3f}" if known else "-",
-        f"{row[SOBOL]:.5f}",
-        f"{row['seconds']:.0f}",
-    ]
+def _plane(axes: Axes, found: dict[str, dict[int, float]]) -> None:
+    """Draw discrepancies in the plane, of published sets as well, times the number of points."""
+    for name, values in found.items():
+        drawn = RECORDS if name == "record" else CONSTRUCTED[2][name][0]
+        curve(axes, values, drawn, lw=1.2, ms=5, label="found" if name == "record" else name)
+    for name, values in (("proven optimum", OPTIMAL), *PUBLISHED.items()):
+        shown = {n: n * value for n, value in values.items() if n in found["record"]}
+        curve(axes, shown, MARKS[name], ls="", ms=6, label=name)
+    beside = {"legend": "upper left", "bbox_to_anchor": (1, 1)}
+    ticks = [n for n in found["record"] if not n & (n - 1)]
+    y, title = "star discrepancy times n", "star discrepancy in the plane"
+    name_axes(axes, "number of points n", y, title, log="x", ticks=ticks, **beside)
+    axes.set_ylim(0, None)
 
 
 def _seconds() -> dict[tuple[str, int, int], float]:
@@ -200,26 +205,3 @@ def _seconds() -> dict[tuple[str, int, int], float]:
                 if seconds:
                     found[kind, int(dims[:-1]), int(n)] = float(stored[name])
     return dict(sorted(found.items(), key=lambda item: ([*MEASURES].index(item[0][0]), *item[0][1:])))
-
-
-def _l2_panel(axes: Axes, parts: list[dict]) -> None:
-    """Draw what part of Sobol's L2 discrepancies remains."""
-    for (kind, line), dims in itertools.product(L2_STYLES.items(), CONSTRUCTED):
-        of_kind = [row for row in parts if (row["kind"], row["dims"]) == (kind, dims)]
-        shown = {row["n"]: row["record"] / row[SOBOL] for row in of_kind}
-        look = plot.Style(f"C{dims}", ".", line)
-        curve(axes, shown, look, ms=6, lw=1.5, label=f"{kind}, {dims}-D")
-    y, title = "part of the first n points of Sobol'", "periodic L2 and root of average squared discrepancy"
-    name_axes(axes, "number of points n", y, title, legend="lower left", fontsize=7, ncols=2)
-    axes.set_xscale("log", base=2)
-    axes.set_ylim(0, None)
-
-
-def _panel(axes: Axes, dims: int, curves: dict[str, dict[int, float]]) -> None:
-    for name, values in curves.items():
-        drawn = RECORDS if name == "record" else CONSTRUCTED[dims][name][0]
-        curve(axes, values, drawn, lw=1.2, ms=5, label="found" if name == "record" else name)
-    sizes = [n for n in curves["record"] if not n & (n - 1)]
-    x, y, title = "number of points n", "D* times the number of points", f"{dims} dimensions"
-    name_axes(axes, x, y, title, log="x", ticks=sizes)
-    axes.set_ylim(0, 1.35 * max(max(values.values()) for values in curves.values()))

@@ -1,4 +1,4 @@
-"""Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, spectra, and speed."""
+"""Samplers of ours in Mitsuba 3 beside its own: errors, what a filter leaves of them, and speed."""
 
 import tempfile
 from collections.abc import Callable
@@ -11,15 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-import analysis
 from figures import plot
 from figures._errors import rms
+from figures._rc import PAGE
 from figures.making import this_machine
 from figures.shared.mitsuba_runs import mitsuba_samplers_process as process
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.mitsuba_runs.mitsuba_scenes import Run
 from figures.shared.rendered import diffusion
-from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
+from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 
 REFERENCE, REFERENCE_SPP = "multijitter", 64
@@ -92,9 +92,8 @@ def reference(images: Images) -> diffusion.Reference:
 
 OWEN, OPTIMIZED = "(0,2), Owen per pixel", "optimised orders"
 SHOWN = ("independent", "multijitter", OWEN, OPTIMIZED)
-SHOWN_SPP, SPECTRUM_SPP = 4, 1
+SHOWN_SPP = 4
 GOAL = 1.5
-PANEL = 256
 
 SIZES = {
     "draft": Size(("depth of field",), 32, (1, 4), ("independent", "multijitter", OWEN), 2, 32, 1),
@@ -125,7 +124,7 @@ NOTE = (
 def make(
     quality: str, progress: Callable[[float], None]
 ) -> tuple[Figure, dict] | tuple[Figure, dict, dict[str, NDArray]]:
-    """Render all scenes in separate processes, and draw images, errors, spectra and speeds."""
+    """Render all scenes in separate processes, and draw images, errors and speeds."""
     if not mitsuba_scenes.installed():
         return _missing()
     size = SIZES[quality]
@@ -192,15 +191,15 @@ def _pictured(size: Size) -> list[str]:
 
 def _missing() -> tuple[Figure, dict]:
     note = "Mitsuba is not installed: pip install 'qmcjax[mitsuba]'."
-    figure = Figure(figsize=(6, 1))
+    figure = Figure(figsize=(PAGE, 1))
     figure.text(0.5, 0.5, note, ha="center", va="center")
     return figure, {"measured": {}, "note": note}
 
 
-ROW, HIGH, BAR = 266, 190, 26
-"""Pixels from one row of curves to the next, of one of them, and of a bar."""
+ROW, HIGH, BAR, BOTTOM = 520, 340, 42, 300
+"""Pixels from one row of curves to the next, of one of them, of a bar, and below all bars."""
 
-CURVES = ("RMS error", "filtered error", "spectrum")
+CURVES = ("RMS error", "filtered error")
 
 
 def _draw(
@@ -210,41 +209,48 @@ def _draw(
     rows: list[dict[str, Any]],
     rates: Rates,
 ) -> Figure:
-    """Draw images of each scene in a row, and below them curves, a scene in each column."""
-    panels, errors = [], _by_case(rows)
-    for name, of in found.items():
-        panels.append(Panel(f"{name}\nreference", diffusion.shown(exact[name].image)))
-        for sampler in _pictured(size):
-            error = errors[name, shown(sampler), SHOWN_SPP]["RMS error"]
-            caption = f"{shown(sampler)}, {SHOWN_SPP} spp\nRMS error {error:.3f}"
-            panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
-    bars = BAR * len(size.samplers) + 190
-    below = len(CURVES) * ROW + bars + 20
-    title = "Our samplers and Mitsuba's, in Mitsuba 3: errors, filtered errors and rates"
-    figure = image_grid(title, panels, 1 + len(_pictured(size)), below=below)
-    across = int(figure.get_figwidth() * figure.dpi)
-    column = across // len(found)
-    for k, (name, of) in enumerate(found.items()):
+    """Draw images of the first scene in a row, and below them curves, a scene in each column, and rates."""
+    errors = _by_case(rows)
+    name, of = next(iter(found.items()))
+    panels = [Panel(f"{name}\nreference", diffusion.shown(exact[name].image))]
+    for sampler in _pictured(size):
+        error = errors[name, shown(sampler), SHOWN_SPP]["RMS error"]
+        caption = f"{shown(sampler).removesuffix(' per pixel')}\nRMS error {error:.3f}"
+        panels.append(Panel(caption, diffusion.shown(of[Run(sampler, SHOWN_SPP, KEY)])))
+    most = size.counts[-1]
+    ratios = [
+        errors[each, shown("independent"), most]["RMS error"] / errors[each, OWEN, most]["RMS error"]
+        for each in found
+    ]
+    factor = f"{min(ratios):.1f}" + f" to {max(ratios):.1f}" * (len(ratios) > 1)
+    bars = BAR * len(size.samplers) + BOTTOM
+    figure = image_grid(
+        f"In Mitsuba 3, independent samples have {factor} times the error of Owen's at {most} spp\n"
+        f"images of {SHOWN_SPP} samples per pixel; last row: rates",
+        panels,
+        len(panels),
+        below=len(CURVES) * ROW + bars + 110,
+    )
+    across, down = figure.get_size_inches() * DPI
+    column = int(across) // len(found)
+    for k, each in enumerate(found):
         for row, what in enumerate(CURVES):
-            bottom = bars + (len(CURVES) - 1 - row) * ROW + 60
-            axes = add_axes(figure, 90 + k * column, bottom, min(column - 110, 400), HIGH)
-            if what == "spectrum":
-                _draw_spectra(axes, name, of, exact[name], size)
-            else:
-                _draw_errors(axes, what, name, rows, size)
-            axes.yaxis.set_label_coords(-62 / min(column - 110, 400), 0.5)
+            bottom = bars + (len(CURVES) - 1 - row) * ROW + 230
+            axes = add_axes(figure, 180 + k * column, bottom, column - 220, HIGH)
+            _draw_errors(axes, what, each, rows, size)
             if not row:
-                axes.set_title(name)
-    wide = min((across - 290) // len(rates), 480)
+                axes.set_title(each)
+    wide = (int(across) - 620) // len(rates)
     for k, (what, taken) in enumerate(rates.items()):
-        axes = add_axes(figure, 260 + k * wide, 120, wide - 30, BAR * len(size.samplers))
+        axes = add_axes(figure, 580 + k * wide, BOTTOM, wide - 60, BAR * len(size.samplers))
         _draw_rates(axes, what, taken, size)
         if k:
             axes.set_yticklabels([])
+        else:
+            axes.set_ylabel("sampler")
     handles, names = figure.axes[len(panels)].get_legend_handles_labels()
-    figure.legend(
-        handles, names, loc="lower left", bbox_to_anchor=(0.02, 0), ncols=len(names) // 2 + 1, frameon=False
-    )
+    look = {"loc": "lower center", "frameon": False, "ncols": 3}
+    figure.legend(handles, names, bbox_to_anchor=(0.5, 10 / down), **look)
     return figure
 
 
@@ -261,19 +267,8 @@ def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size
     for k, sampler in enumerate(size.samplers):
         ratio = base / taken[sampler][1]
         axes.barh(k, ratio, color=plot.style(shown(sampler)).color)
-        axes.text(ratio, k, f"  {ratio:.2f}", va="center", fontsize=8)
+        axes.text(ratio, k, f" {ratio:.2f}", va="center")
     axes.set_yticks(range(len(size.samplers)), list(map(shown, size.samplers)))
     axes.invert_yaxis()
-    axes.set(xlabel="rate / independent", xlim=(0, 1.3))
-    axes.set_title(what, fontsize=9)
-
-
-def _draw_spectra(axes: Axes, scene: str, images: Images, exact: diffusion.Reference, size: Size) -> None:
-    area = measured_area(scene, size.side)
-    for sampler in size.samplers:
-        image = images[Run(sampler, SPECTRUM_SPP, KEY)]
-        frequency, mean = analysis.radial_average(analysis.error_spectrum(image[area], exact.image[area]))
-        drawn = plot.style(shown(sampler))
-        axes.plot(frequency / max(image[area].shape[:2]), mean, drawn.line, color=drawn.color, lw=1.2)
-    axes.axhline(1, color="0.6", lw=0.8, zorder=0)
-    axes.set(xlim=(0, 0.5), ylim=(0, None), xlabel="cycles per pixel", ylabel=f"power, {SPECTRUM_SPP} spp")
+    axes.set(xlabel="rate / independent", xlim=(0, 1.5))
+    axes.set_title(what.removesuffix(" loops").replace("_rgb", ""))

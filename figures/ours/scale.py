@@ -15,6 +15,7 @@ from figures.shared.timing import image_scaling, measure_scaling
 
 DOUBLED, WITHIN = 2.0, 0.1
 """The factor of the time of twice the samples, and how far off it may be."""
+LABELS = {"pixels": "more pixels", "spp": "more samples per pixel"}
 LARGE = 2**20
 """Samples of the whole image from which on the time to start does not count any more."""
 IMAGES = {
@@ -49,13 +50,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     measures = this_machine.measure_apart(measure_scaling, quality)
     progress(0.9)
     figure = new_figure(
-        "The time of an image is proportional to its samples; memory does not grow with samples per pixel",
-        7.5,
+        "Time is proportional to the samples of an image, memory is not",
+        7.6,
     )
     (of_images, image_memory), (of_measures, measure_memory) = figure.subplots(2, 2)
     doublings = _images(of_images, image_memory, images)
     table = _measures(of_measures, measure_memory, measures)
-    legend = "measures: expected growth, and measured exponent; triangles: 3-D"
+    legend = "Measures: expected growth (dashed), and measured exponent; triangles: 3-D"
     legend_below(figure, of_measures, 2, title=legend)
     for axes in figure.axes:
         axes.xaxis.set_minor_formatter(NullFormatter())
@@ -81,8 +82,8 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
         sizes = np.array([row["side"] ** 2 * row["spp"] for row in rows], float)
         busy = [row["processor seconds"] for row in rows]
         seconds = [row["seconds"] for row in rows]
-        for of, line, clock in ((busy, "o-", "processors"), (seconds, "x--", "clock")):
-            label = f"{name}, {clock}"
+        for of, line, clock in ((busy, "o-", "processor time"), (seconds, "x--", "wall clock")):
+            label = f"{LABELS[kind]}: {clock}"
             times.plot(sizes, np.array(of) / sizes * 1e9, line, ms=4, lw=1, color=f"C{number}", label=label)
         beyond = [row["beyond"] for row in rows]
         if None not in beyond:
@@ -94,7 +95,7 @@ def _images(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> dict[str,
         }
     x = "samples of the whole image"
     name_axes(times, x, "nanoseconds per sample", "Images: time", log="xy", legend="best")
-    name_axes(memory, x, "MiB", "Images: memory beyond the image", log="x")
+    name_axes(memory, x, "MiB", "Images: memory besides the image", log="x")
     memory.set_ylim(bottom=0)
     return doublings
 
@@ -122,7 +123,7 @@ def _measures(times: Axes, memory: Axes, measured: Mapping[str, Any]) -> list[di
     for color, (name, rows) in zip(COLORS, measured.items(), strict=False):
         n, seconds = np.array(rows["n"], float), np.array(rows["seconds"])
         slope, (power, logs) = _slope(n, seconds), rows["theory"]
-        exponent = "" if slope is None else f", measured $n^{{{slope:.2f}}}$"
+        exponent = "" if slope is None else f", measured {slope:.2f}"
         label = f"{name}: {_grows(power, logs)}{exponent}"
         style = "o-" if rows["dims"] == 2 else "^-"
         times.plot(n, seconds, style, ms=4, color=color, label=label)

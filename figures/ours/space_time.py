@@ -1,4 +1,4 @@
-"""Samplers of animations: what filters in space and time leave of their errors, spectra, a moving picture."""
+"""Samplers of animations: what filters in space and time leave of their errors, a moving picture."""
 
 import io
 from collections.abc import Callable, Mapping
@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 
@@ -18,7 +18,6 @@ from figures.making import stbn
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
 from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
-from figures.shared.sheets.panels import write_title
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core import student
 
@@ -96,8 +95,6 @@ BLOCKS = "blocks\nof 8"
 
 PUBLISHED = "published texture"
 
-
-SPECTRA = ("Z, new keys", "Z, golden shifts", "optimised orders, in time", "designed tile")
 
 MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
@@ -182,33 +179,28 @@ def verdicts(logs: Mapping[str, NDArray[np.float64]], labels: list[str]) -> dict
     return said
 
 
-def make(
-    quality: str, progress: Callable[[float], None]
-) -> tuple[Figure, dict] | tuple[Figure, dict, dict, dict[str, bytes]]:
-    """Measure all ways through the frames, draw tables by filter and spectra, and the moving picture."""
+Tables = dict[str, dict[str, NDArray[np.float64]]]
+"""By case and way: logarithms of errors of each key after each filter."""
+
+
+def measure(quality: str, progress: Callable[[float], None]) -> tuple[Tables, dict, dict[str, bytes]]:
+    """Measure all ways through the frames, and return numbers, and the moving picture."""
     texture = _texture()
     methods = METHODS if texture is None else {**METHODS, PUBLISHED: published}
     side, keys = SIDE[quality], KEYS[quality]
     labels = [name.replace("\n", " ") for name in (*COLUMNS, BLOCKS)]
-    relative: dict[str, dict[str, NDArray[np.float64]]] = {}
-    spectra: dict[str, Any] = {}
+    relative: Tables = {}
     steps = len(CASES[quality]) * len(methods)
     for dims, spp in CASES[quality]:
-        case = f"{dims}-D, {spp} spp"
-        logs = relative[case] = {}
+        logs = relative[f"{dims}-D, {spp} spp"] = {}
         for done, (name, animation) in enumerate(methods.items(), start=1):
             keyless = name == PUBLISHED
             shape = (FRAMES, side, side) if texture is None or not keyless else texture.shape[:3]
-            expected, found, powers = np.array(white(shape, spp)), [], []
+            expected, found = np.array(white(shape, spp)), []
             for key in range(1, 2 if keyless else keys + 1):
                 error = errors(animation(side, spp, dims, key), shape, spp, dims)
                 found.append(np.log(columns(error) / expected))
-                if (dims, spp) == CASES[quality][0] and name in (*SPECTRA, PUBLISHED):
-                    spectrum = analysis.error_spectrum(error, np.zeros(error.shape[1:]), animated=True)
-                    powers.append(analysis.radial_average(spectrum)[1])
             logs[name] = np.broadcast_to(found, (keys, len(labels)))
-            if powers:
-                spectra[name] = np.mean(powers, axis=0)
             progress(((len(relative) - 1) * len(methods) + done) / steps)
     said = {
         case: verdicts({n: of for n, of in logs.items() if n != "random"}, labels)
@@ -224,16 +216,8 @@ def make(
         }
         for case, logs in relative.items()
     }
-    figure = _draw(
-        {c: {n: np.exp(of.mean(axis=0)) for n, of in logs.items()} for c, logs in relative.items()}, spectra
-    )
-    write_title(
-        figure,
-        f"Samplers that move with the frames diffuse errors in space and in time, new keys only in space\n"
-        f"filtered errors over those of white noise; {side} x {side} pixels, {FRAMES} frames, {keys} keys",
-    )
     numbers = {"measured": {"error / white noise": measured, "verdicts": said}, "note": note}
-    return (figure, numbers) if quality == "draft" else (figure, numbers, {}, {"frames.webp": moving()})
+    return relative, numbers, {} if quality == "draft" else {"frames.webp": moving()}
 
 
 def _with_interval(logs: NDArray[np.float64]) -> list[float]:
@@ -241,42 +225,17 @@ def _with_interval(logs: NDArray[np.float64]) -> list[float]:
     return list(judged.of_logarithms(logs)) if np.ptp(logs) else [float(np.exp(logs.mean()))] * 3
 
 
-def _draw(tables: Mapping[str, Mapping[str, NDArray[np.float64]]], spectra: Mapping[str, Any]) -> Figure:
-    rows = -(-len(tables) // 2)
-    figure = Figure(figsize=(11, 3.0 * rows + 3.2), layout="constrained")
-    halves: Any = figure.subfigures(2, 1, height_ratios=[3.0 * rows, 2.8])
-    above, below = halves
-    grid = np.atleast_1d(above.subplots(rows, min(2, len(tables)), squeeze=False)).ravel()
-    for k, (axes, (case, table)) in enumerate(zip(grid, tables.items(), strict=True)):
-        cells = np.array(list(table.values()))
-        axes.imshow(np.log2(cells), cmap="RdYlBu_r", vmin=-1.5, vmax=1.5, aspect="auto")
-        for row, of in enumerate(cells):
-            for column, value in enumerate(of):
-                least, dark = value == cells[:, column].min(), abs(np.log2(value)) > 1.3
-                axes.text(
-                    column, row, f"{value:.2f}", ha="center", va="center", fontsize=8.5,
-                    weight="bold" if least else "normal", color="white" if dark else "black",
-                )  # fmt: skip
-        axes.set_xticks(range(cells.shape[1]), [*COLUMNS, BLOCKS], fontsize=8)
-        axes.xaxis.tick_top()
-        axes.tick_params(length=0)
-        axes.set_yticks(range(len(table)), list(table) if k % 2 == 0 else [""] * len(table), fontsize=8.5)
-        axes.set_title(case, fontsize=10)
-    panels = below.subplots(1, len(spectra), sharey=True, squeeze=False)[0]
-    shown = None
-    for axes, (name, power) in zip(panels, spectra.items(), strict=True):
-        half = power[: len(power) // 2 + 1]
-        shown = axes.imshow(
-            np.log2(half), origin="lower", aspect="auto", cmap="RdYlBu_r", vmin=-4, vmax=4,
-            extent=(0.5 / (2 * half.shape[1]), 0.5, -0.5 / len(power), 0.5 + 0.5 / len(power)),
-        )  # fmt: skip
-        axes.set_title(name, fontsize=9)
-        axes.set_xlabel("cycles per pixel", fontsize=8)
-        axes.tick_params(labelsize=8)
-    panels[0].set_ylabel("cycles per frame", fontsize=8)
-    bar = below.colorbar(shown, ax=list(panels), ticks=[-4, -2, 0, 2, 4])
-    bar.ax.set_yticklabels(["1/16", "1/4", "1", "4", "16"], fontsize=8)
-    below.suptitle(
-        f"Power of the error over space and time, {next(iter(tables))}; white noise is 1", fontsize=10
-    )
-    return figure
+def draw_table(axes: Axes, table: Mapping[str, NDArray[np.float64]]) -> None:
+    """Draw errors after each filter as colours and numbers, the least of each filter in bold."""
+    cells = np.exp([logs.mean(axis=0) for logs in table.values()])
+    axes.imshow(np.log2(cells), cmap="RdYlBu_r", vmin=-1.5, vmax=1.5, aspect="auto")
+    for row, of in enumerate(cells):
+        for column, value in enumerate(of):
+            least, dark = value == cells[:, column].min(), abs(np.log2(value)) > 1.3
+            look = {"weight": "bold" if least else "normal", "color": "white" if dark else "black"}
+            axes.text(column, row, f"{value:.2f}", ha="center", va="center", **look)
+    axes.set_xticks(range(cells.shape[1]), [*COLUMNS, BLOCKS])
+    axes.xaxis.tick_top()
+    axes.tick_params(length=0)
+    axes.set_yticks(range(len(table)), list(table))
+    axes.set_xlabel("filter of the errors, in space or over frames")

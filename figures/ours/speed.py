@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree  # pyright: ignore[reportAttributeAccessIssue]
@@ -17,7 +16,6 @@ from scipy.stats import qmc
 import analysis
 import qmcjax as qj
 from figures.making import this_machine
-from figures.plot import Style
 from figures.shared.costs import in_turns, median, timed
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.sheets.panels import new_figure
@@ -164,30 +162,8 @@ def _our_image(
 ALIKE = 1.25
 """Ratio of rates that are about the same."""
 
-STYLES = {
-    "float32": Style("C0", "o"),
-    "float64": Style("C5", "D"),
-    "scipy": Style("C4", "s"),
-    "QMCPy": Style("C2", "v"),
-    "torch": Style("C1", "^"),
-    "fused loops": Style("C0", "o"),
-    "tree, JAX": Style("C1", "^"),
-    "compiled": Style("C2", "v"),
-    "Embree": Style("0.6", "s"),
-    "Embree, all threads": Style("0.3", "D"),
-    "qmcjax, Sobol'": Style("C0", "o"),
-    "qmcjax, random": Style("C1", "^"),
-    "Mitsuba": Style("0.3", "s"),
-    "qmcjax": Style("C0", "o"),
-    "cKDTree": Style("0.3", "D"),
-    "GPU": Style("C0", "o"),
-    "processor": Style("C1", "^"),
-    "bound of an H100": Style("0.6", "s"),
-}
-"""By way or program: of points, rays, paths, measures and devices."""
-
-OURS = ("float32", "float64", "fused loops", "tree, JAX", "compiled")
-"""Ways of ours, whose names do not say so."""
+Ratios = dict[str, float]
+"""Rates of ours over another program's, by case."""
 
 NOTE = (
     "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy "
@@ -203,7 +179,7 @@ Rates = Mapping[str, Mapping[str, float]]
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
-    """Measure one kind after the other, points in a separate process, and draw dots."""
+    """Measure one kind after the other, points in a separate process, and draw ratios."""
     made = this_machine.measure_apart(point_rates, quality)
     progress(0.2)
     on_device = this_machine.measure_apart(device_rates, quality)
@@ -214,27 +190,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     progress(0.8)
     measures = measure_rates(quality)
     points = {case["case"]: case["ours"] | case["peers"] for case in made["cases"]}
-    rays = {name: {way: of["per second"] for way, of in ways.items()} for name, ways in of_rays.items()}
     paths = {name: of["paths per second"] for name, of in of_paths.items()}
 
-    figure = new_figure("Rates of points, rays, paths and measures (further right is faster)", 9.5)
-    parts: Any = figure.subfigures(1, 2)
-    left, right = parts
-    columns = {
-        left: {"Coordinates of points per second": points, "Paths per second": paths},
-        right: {"Rays per second": rays, "Points measured per second": measures},
-    }
-    if on_device:
-        columns[left][f"Samples per second on a {on_device['device']}"] = {
-            name: {"GPU": of["rate"], "processor": of["processor"], "bound of an H100": of["bound"]}
-            for name, of in on_device["programs"].items()
-        }
-    for part, panels in columns.items():
-        heights = [len(rates) + 3 for rates in panels.values()]
-        axes = part.subplots(len(panels), 1, height_ratios=heights)
-        for ax, (title, rates) in zip(axes, panels.items(), strict=True):
-            _dots(ax, rates)
-            ax.set_title(title)
+    figure = _draw(made["cases"], of_rays, paths, measures, on_device)
     claims, between = _claims(points)
     numbers = {
         "measured": {
@@ -257,21 +215,73 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, numbers
 
 
-def _dots(axes: Axes, rates: Rates) -> None:
-    """Draw a row of dots for each case: on a logarithmic axis there is nothing that bars could begin at."""
-    for row, of in enumerate(rates.values()):
-        axes.plot([min(of.values()), max(of.values())], [row, row], color="0.8", lw=1, zorder=0)
-    for name, look in STYLES.items():
-        of = [found.get(name, np.nan) for found in rates.values()]
-        if not np.isnan(of).all():
-            # Hollow, so that none hides another.
-            looks = {"color": look.color, "ms": 6, "mfc": "none", "mew": 1.5}
-            label = f"qmcjax, {name}" if name in OURS else name
-            axes.plot(of, range(len(rates)), look.marker, label=label, **looks)
-    axes.set_yticks(range(len(rates)), list(rates))
-    axes.set(xscale="log", ylim=(len(rates) - 0.5, -0.5))
+def _draw(cases: list[dict], rays: Any, paths: Rates, measures: Rates, on_device: Any) -> Figure:
+    """Draw a bar for each case: how many times as fast as the fastest other program ours is."""
+    compared: dict[str, Ratios] = {
+        "points: scipy, QMCPy or torch": {
+            _short(case): of["float32"] for case, of in _ratios(cases).items() if "float32" in of
+        },
+        "rays: Embree, one thread each": {
+            name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
+            for name, ways in rays.items()
+            if {"compiled", "Embree"} <= ways.keys()
+        },
+        "paths: Mitsuba": {
+            f"{name}, {way.removeprefix('qmcjax, ')}": rate / of["Mitsuba"]
+            for name, of in paths.items()
+            for way, rate in of.items()
+            if way in POINTS and "Mitsuba" in of
+        },
+        "measures: cKDTree, scipy": {
+            case: measures[f"{case}, Sobol'"]["qmcjax"] / measures[f"{case}, Sobol'"][PEERS[name].name]
+            for name in PEERS
+            for case in {each.rpartition(",")[0] for each in measures if each.startswith(name)}
+        },
+        "on a GPU: the processor": {
+            name: of["rate"] / of["processor"]
+            for name, of in (on_device["programs"] if on_device else {}).items()
+        },
+    }
+    compared = {kind: of for kind, of in compared.items() if of}
+    ratios = [ratio for of in compared.values() for ratio in of.values()]
+    faster = sum(ratio > 1 for ratio in ratios)
+    figure = new_figure(
+        f"Faster than other programs in {faster} of {len(ratios)} cases, by up to {max(ratios):.0f} times",
+        0.175 * (len(ratios) + 2 * len(compared)) + 0.9,
+    )
+    axes = figure.subplots()
+    row, names = 0, {}
+    for k, (kind, of) in enumerate(compared.items()):
+        names[row] = f"{kind[0].upper()}{kind[1:]}"
+        for name, ratio in sorted(of.items(), key=lambda item: -item[1]):
+            row += 1
+            axes.barh(row, ratio - 1, left=1, color=f"C{k}")
+            axes.annotate(
+                f"{ratio:.2g}", (max(ratio, 1), row), (3, 0), textcoords="offset points", va="center"
+            )
+            names[row] = name
+        row += 2
+    axes.set_yticks(list(names), list(names.values()))
+    for place, label in zip(names, axes.get_yticklabels(), strict=True):
+        label.set_weight("bold" if names[place].partition(":")[0].lower() in _kinds(compared) else "normal")
+    axes.axvline(1, color="black", lw=0.8)
+    axes.set(xscale="log", ylim=(row - 1.2, -0.8), xlim=(min(0.5, 0.9 * min(ratios)), 1.6 * max(ratios)))
+    axes.set(xlabel="our rate / theirs", ylabel="case")
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(axis="x", alpha=0.3)
-    axes.legend(loc="upper center", bbox_to_anchor=(0.3, -0.5 / len(rates)), ncols=3, frameon=False)
+    axes.tick_params(axis="y", length=0)
+    return figure
+
+
+def _kinds(compared: Mapping[str, Ratios]) -> set[str]:
+    return {kind.partition(":")[0] for kind in compared}
+
+
+def _short(case: str) -> str:
+    """Return a case with its number of points as a power of 2."""
+    size = next((word for word in case.split() if word.isdigit() and int(word) > 32), "")
+    short = case.replace(size, f"2^{int(size).bit_length() - 1}") if size else case
+    return short.replace(", Owen (peers: linear) scrambled", ", Owen (linear) scrambled")
 
 
 def _claims(points: Rates) -> tuple[dict[str, bool], dict[str, float]]:

@@ -292,11 +292,11 @@ def _draw(axes: Axes, title: str, panel: Panel, curves: Curves) -> None:
     zero = 0.1 * min([*positive, panel.limit or np.inf])
     colors: dict[str, str] = {}
     for label, curve in curves.items():
-        name, _, precision = label.partition(", float")
+        name, wide = label.removesuffix(", float32").removesuffix(", float64"), label.endswith(", float64")
         color = colors.setdefault(name, f"C{len(colors)}")
         values = np.maximum(list(curve.values()), zero)
-        look = {"ls": ":", "label": "_"} if precision == "64" else {"label": label.replace(", float32", "")}
-        axes.plot(list(curve), values, "o", color=color, ms=3, **look)
+        look = {"ls": ":", "label": "_"} if wide else {"label": name}
+        axes.plot(list(curve), values, marker="o", color=color, ms=3, lw=1, **look)
     if panel.limit is not None:
         axes.axhline(panel.limit, color="0.5", ls="--", lw=0.8, zorder=0)
     name_axes(axes, panel.x, panel.y, title, log="xy", legend="best")

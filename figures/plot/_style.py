@@ -44,7 +44,7 @@ SAMPLERS: dict[str, Style] = {
     "Halton, full screen": Style(SKY, "v", "--"),
     # Optimised for what is left of errors after a filter.
     "dither mask": Style(YELLOW, "X"),
-    "ranked keys": Style(PURPLE, "*"),
+    "ranked keys": Style(PURPLE, "^"),
     "designed tiles": Style(RED, "*"),
     "progressive orders": Style(GREEN, "D"),
     "designed, progressive": Style(RED, "P"),

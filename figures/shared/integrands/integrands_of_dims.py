@@ -92,12 +92,6 @@ def of_classes(found: NDArray, count: int) -> NDArray[np.float64]:
     return np.array([filtered, [rms(part) for part in parts]])
 
 
-def mean_spectrum(found: NDArray) -> NDArray[np.float64]:
-    """Return the mean spectrum of errors over all integrands."""
-    each = [analysis.error_spectrum(error, np.zeros_like(error)) for error in np.moveaxis(found, 2, 0)]
-    return np.mean(each, axis=0)
-
-
 def time_ratio(one: samplers.Sampler, other: samplers.Sampler, side: int, spp: int) -> float:
     """Return the time of an image of x y by one sampler over that by another."""
 

@@ -258,8 +258,8 @@ def thesis_2_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         panel.set(xlim=(-0.05, 1.05), ylim=(-0.1, 0.75))
         panel.set_axis_off()
         above = floating[name][SEGMENTS]
-        panel.set_title(f"{SEGMENTS} segments, {name}:\nlowest at {100 * above:.0f} % of a jump's height")
-    for (name, of), color, size in zip(floating.items(), COLORS, (7, 3), strict=True):
+        panel.set_title(f"{SEGMENTS} segments, {name}:\nlowest point: {100 * above:.0f} % of a jump's height")
+    for (name, of), color, size in zip(floating.items(), COLORS, (6, 3), strict=True):
         axes[2].plot(COUNTS_2_8, list(of.values()), "o", color=color, ms=size, label=name)
     axes[2].annotate("multiples of 3", (12, 0.015), (15, 0.06), arrowprops={"arrowstyle": "->", "lw": 0.6})
     legend_below(figure, axes[0])

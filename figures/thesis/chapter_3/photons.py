@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 from numpy.typing import NDArray
 
 from figures._errors import rms
@@ -237,5 +238,6 @@ def _draw(found: Found, maps: Maps, size: Size) -> Figure:
             errors = {count: of[part] for count, of in found[kind].items()}
             curve(axes, errors, Style(color, "o", line), lw=1.5, label=f"{kind}, {where}")
     name_axes(axes, "photons", "RMS error of the irradiance", log="xy", ticks=ticks, few_decades=True)
-    beside.legend(*axes.get_legend_handles_labels(), loc="center left", frameon=False)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 1.5, 2, 3, 5, 7)))
+    beside.legend(*axes.get_legend_handles_labels(), loc="center left", frameon=False, handlelength=3)
     return figure

@@ -328,4 +328,4 @@ def _parity(axes: Axes) -> None:
         axes.text(column, row, str(second[row, column]), ha="center", va="center")
     axes.set(xticks=range(6), yticks=range(6), xlabel="x")
     axes.set_ylabel("y", labelpad=1)
-    axes.set_title("parity of pixels: 0 from the\nfirst interval, 1 from the last")
+    axes.set_title("not averaged: 0 is from the\nfirst interval, 1 from the last")

@@ -29,7 +29,7 @@ class Size(NamedTuple):
     """Samples a pixel of the reference."""
 
 
-SIZES = {"draft": Size(128, (4, 16), 2, 128), "paper": Size(128, (4, 16, 64), 8, 1024)}
+SIZES = {"draft": Size(128, (4, 16), 2, 128), "paper": Size(128, (4, 12, 32), 8, 512)}
 LEVELS = 3
 CONTRAST = 0.1
 _BATCH = 4

@@ -128,7 +128,7 @@ TITLES = {
     "z-7": "Pixels below equal letters of the tree come in the same order",
     "z-8": "In dimension 5 of the global Sobol' sequence, blocks of pixels share one half",
     "z-9": "Complex occluder: the error of Z is blue noise, that of Sobol' aliases",
-    "z-10": "Z has the largest filtered error for motion blur, almost the least elsewhere",
+    "z-10": "Filtered errors of Z are within a fifth of the least, except for motion blur",
     "z-11": "On rendered scenes no difference between Z and the (0,2)-sequence is certain",
     "z-12": "Hashing and large tables are alike, a single letter hinders convergence",
     "z-table-1": "From 4 samples per pixel on, the global Sobol' sequence is slower than Z",

@@ -46,8 +46,10 @@ def faults(figure: Any) -> list[str]:
 
 
 def _box(text: Any, renderer: Any) -> Any:
-    """Return the box of a text without the empty lines at its end, which reserve room."""
-    box = text.get_window_extent(renderer).frozen()
+    """Return the box of a text without its arrow, and without empty lines at its end, which reserve room."""
+    from matplotlib.text import Text
+
+    box = Text.get_window_extent(text, renderer).frozen()
     lines, words = text.get_text().count("\n") + 1, text.get_text().rstrip("\n").count("\n") + 1
     box.y0 = box.y1 - (box.y1 - box.y0) * words / lines
     return box

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,6 +21,12 @@ from qmcjax.core.parameters import known, numbers, require
 
 _FEW_DECADES = 50.0
 """Up to this ratio of the ends of the vertical axis, powers of ten are too few ticks."""
+
+_FEW_TICKS = 6.0
+"""Up to this ratio, so are 1, 2 and 5 times these."""
+
+_DIGIT = 0.8
+"""Width of a digit and what parts it from others, in sizes of letters."""
 
 _STEEPEST = 8.0
 """Largest power of the number of samples that is drawn."""
@@ -122,26 +129,36 @@ def convergence(
             ax.fill_between(x, low, high, color=drawn.color, alpha=0.15, lw=0)
     ax.set_xscale("log", base=2)
     ax.set_yscale("log")
-    ax.set_xticks(x, [f"{n:g}" for n in x], minor=False)
+    texts = [f"{n:g}" for n in x]
+    step = math.ceil(_DIGIT * max(map(len, texts)) * len(x) * mpl.rcParams["font.size"] / _points(ax)[0])
+    ax.set_xticks(x, [text if k % step == 0 else "" for k, text in enumerate(texts)], minor=False)
     ax.minorticks_off()
     unit = f" $\\cdot\\, n^{{{times:g}}}$" if times else ""
     ax.set(xlabel="samples per pixel", ylabel=ylabel + unit, title=title)
     low, high = ax.get_ylim()
     ax.set_ylim(low, high)  # Names are where curves end.
     if high < _FEW_DECADES * low:
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        few = high < _FEW_TICKS * low
+        ax.yaxis.set_major_locator(
+            LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if few else (1.0, 2.0, 5.0))
+        )
     ax.yaxis.set_major_formatter("{x:g}")
     ax.grid(alpha=0.3)
     _names(ax, named)
     return ax
 
 
+def _points(ax: Axes) -> tuple[float, float]:
+    """Return the width and the height of axes in points, before a layout moves them."""
+    scale = 72 / ax.get_figure(root=True).dpi
+    return scale * ax.bbox.width, scale * ax.bbox.height
+
+
 def _names(ax: Axes, named: Sequence[tuple[str, float, str]]) -> None:
     """Write names, in their colours, right of where their curves end, apart from each other, with lines."""
     low, high = np.log(ax.get_ylim())
     ordered = sorted((float((np.log(end) - low) / (high - low)), name, color) for name, end, color in named)
-    height = 72 * ax.bbox.height / ax.get_figure(root=True).dpi
-    places = _apart([end for end, _, _ in ordered], _LINE * mpl.rcParams["font.size"] / height)
+    places = _apart([end for end, _, _ in ordered], _LINE * mpl.rcParams["font.size"] / _points(ax)[1])
     across = blended_transform_factory(ax.transAxes, ax.transAxes)
     for (end, name, color), place in zip(ordered, places, strict=True):
         ax.annotate(

@@ -20,7 +20,8 @@ from qmcjax import samplers, scenes
 SIDE = {"draft": 32, "paper": 128}
 PIXELS = {"draft": 16, "paper": 32}
 """Of each of the sets over which claims are judged."""
-KEYS = {"draft": 1, "paper": 4}
+KEYS = {"draft": 1, "paper": 16}
+"""Among which the sets are divided."""
 LARGEST = {"draft": 3, "paper": 6}
 """Logarithm, to base 4, of the largest number of samples."""
 REFERENCE_SPP = {"draft": 512, "paper": 65536}
@@ -58,9 +59,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     many = f"{len(keys)} key" + "s" * (len(keys) > 1)
     figure = new_figure(
         "On rendered scenes no difference between Z and the (0,2)-sequence is certain\n"
-        "Z paper, Fig. 11\n"
-        f"our scenes, {side} x {side} pixels, {many}; ranked keys: ours, after Heitz et al.",
-        7.5,
+        f"Z paper, Fig. 11; our scenes, {side} x {side} pixels, {many}\n"
+        "band: 95 % interval of Z; ranked keys: ours, after Heitz et al.",
+        5.6,
     )
     errors: Errors = {}
     origins = ""
@@ -75,12 +76,16 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         found = errors[title] = pixel_sets.compare(
             scene, exact, pixels, made, lambda part, done=done: progress((done + part) / len(compared))
         )
-        floor = rms(exact.error[pixels.y, pixels.x])
-        if floor < min(rms(of[spp]) for of in found.values() for spp in of) / 10:
-            floor = None  # It does not matter, and would take the most of the axis.
-        curves, bands = pixel_sets.curves(found, counts)
-        title = f"{title}: {z_renderings.EFFECTS[title]}"
-        plot.convergence(counts, curves, bands=bands, floor=floor, title=title, ax=axes)
+        curves, band = _relative(found, counts)
+        plot.convergence(
+            counts,
+            curves,
+            bands={"Z": band},
+            slopes=(),
+            title=z_renderings.EFFECTS[title],
+            ylabel="RMS error relative to (0,2)",
+            ax=axes,
+        )
     note = NOTE.format(side=side, each=PIXELS[quality], keys=many, bounces=BOUNCES[quality], origins=origins)
     last = counts[-1]
     at_last, over_counts = _at(errors, last), _over(errors, counts)
@@ -99,6 +104,20 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "ranked keys over Sobol', all counts": judged.ratios(over_counts, "ranked keys", "Sobol'"),
     }
     return figure, {"measured": measured, "claims": _claims(errors), "note": note + z_renderings.note()}
+
+
+def _relative(
+    found: dict[str, dict[int, NDArray[np.float64]]], counts: list[int]
+) -> tuple[dict[str, list[float]], NDArray[np.float64]]:
+    """Return errors relative to those of (0,2), NaN where there are none, and the intervals of Z."""
+    ratios = {
+        name: {spp: judged.ratio(values, found["(0,2)"][spp]) for spp, values in of.items()}
+        for name, of in found.items()
+    }
+    curves = {
+        name: [of[spp]["mean"] if spp in of else np.nan for spp in counts] for name, of in ratios.items()
+    }
+    return curves, np.array([[ratios["Z"][spp][end] for spp in counts] for end in ("low", "high")])
 
 
 def _ways(dims: int, side: int, spp: int, keys: range) -> dict[str, list[samplers.Sampler]]:

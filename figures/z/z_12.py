@@ -17,15 +17,16 @@ from figures.shared.rendered import diffusion, padded_samplers, pixel_sets, scen
 from figures.shared.sheets.image_sheets import Panel, add_axes, image_grid
 from qmcjax import orders, samplers, scenes, sequences
 
+INSET, SPP = 128, 2
+"""Side of the images, and their samples per pixel."""
 SIDE = {"draft": 32, "paper": 64}
-SPP = 2
-"""Of the insets."""
+"""Of the image whose pixels the graphs are about."""
 LARGEST = {"draft": 6, "paper": 12}
 """Binary logarithm of the largest number of samples of the graphs."""
 
 PIXELS = {"draft": 16, "paper": 32}
 """Of each of the sets over which errors of the graphs are judged."""
-KEYS = {"draft": 1, "paper": 4}
+KEYS = {"draft": 1, "paper": 16}
 """Among which the sets are divided."""
 
 JUDGED_SIDE = 32
@@ -60,12 +61,16 @@ NAMES = {
 } | {name: f"Z, {name}" for name in ALPHABETS}
 """In pictures."""
 
+SHOWN = ("Z0", "Z hash", "Z multiplicative", "Z", "Z ART", "1 letter", "16 letters", "Z joint", "(0,2)")
+"""Whose images are shown, beside the reference."""
+
 NOTE = (
-    f"{{side}} x {{side}} pixels; insets have {SPP} samples per pixel. The paper does not describe its "
+    f"Images: {INSET} x {INSET} pixels, {SPP} samples per pixel. The paper does not describe its "
     "scene; we use the occluder of Fig. 9, five dimensions in three constituents: pixel, light and u, "
     "and v. 'Z hash' is our hash, which mixes three times per level, 'Z multiplicative' the paper's "
     "printed Z_hash; 'Z joint' has one sequence of five dimensions and one order. The reference is "
-    f"{{origin}}. Convergence: {pixel_sets.SETS} sets of {{each}} random pixels, divided among {{keys}}, "
+    f"{{origin}}. Graphs: {pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided "
+    f"among {{keys}}, "
     f"with intervals from the sets. Filtered errors: {JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} "
     "keys. " + diffusion.EXPLAINED
 )
@@ -102,9 +107,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Render insets with all variants, and measure their errors over the number of samples."""
     side, scene, dims = SIDE[quality], scenes.occluder(), len(scenes.occluder().needs)
     exact = diffusion.reference(scene, side, SPP)
-    insets = {
-        name: scene_images.image(scene, sampler, side, SPP) for name, sampler in ways(dims, side, SPP).items()
-    }
+    reference = diffusion.reference(scene, INSET, SPP)
+    samplers_of = ways(dims, INSET, SPP)
+    insets = {name: scene_images.image(scene, samplers_of[name], INSET, SPP) for name in SHOWN}
     progress(0.1)
     diffused = _filter_errors(scene, quality)
     progress(0.3)
@@ -118,7 +123,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         {spp: {name: [made[name] for made in of] for name in of[0]} for spp, of in of_keys.items()},
         lambda part: progress(0.3 + 0.7 * part),
     )
-    figure = _sheet(insets | {"reference": exact.image}, counts, errors, exact)
+    figure = _sheet(insets, counts, errors, reference)
     note = NOTE.format(
         side=side,
         origin=exact.origin,
@@ -166,33 +171,35 @@ def _filter_errors(scene: Any, quality: str) -> Errors:
 def _sheet(
     insets: dict[str, NDArray], counts: list[int], errors: Errors, exact: diffusion.Reference
 ) -> Figure:
-    """Lay insets out at whole zoom, seven a row, above the graphs."""
-    side, graphs = len(insets["reference"]), 640
+    """Lay insets out above the graphs of errors relative to large tables."""
+    graphs = 840
     title = (
         "Hashing and large tables are alike, a single letter hinders convergence\n"
-        f"Z paper, Fig. 12; images at {SPP} samples per pixel\n"
-        f"our occluder, {side} x {side} pixels; filtered error: RMS after a Gaussian of 1.5 pixels; "
-        "hash: ours; multiplicative: the paper's $Z_{hash}$"
+        f"Z paper, Fig. 12; our occluder at {SPP} samples per pixel; "
+        "filtered: RMS error after a Gaussian of 1.5 pixels\n"
+        "multiplicative: the paper's $Z_{hash}$; hash: ours, with more mixing; tree: 4096 letters"
     )
-    panels = []
+    panels = [Panel("reference", exact.image, transfer="srgb")]
     for name, image in insets.items():
-        text = NAMES.get(name, name)
-        if name in errors:
-            text += f"\nfiltered error {diffusion.measures(image, exact)['filtered error']:.4f}"
-        panels.append(Panel(text, diffusion.shown(image)))
-    figure = image_grid(title, panels, 7, below=graphs)
-    for k, (title, names) in enumerate(
-        {
-            "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
-            "sizes of the alphabet; Z, tree has 4096 letters": ["Z0", *ALPHABETS, "Z", "random"],
-        }.items()
-    ):
-        axes = add_axes(figure, 110 + 940 * k, 80, 640, graphs - 80 - 70)
+        error = diffusion.measures(image, exact)["filtered error"]
+        panels.append(Panel(f"{NAMES.get(name, name)}\nfiltered {error:.4f}", image, transfer="srgb"))
+    figure = image_grid(title, panels, 5, below=graphs)
+    of_graphs = {
+        "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
+        "sizes of the alphabet": ["Z0", *ALPHABETS, "Z", "random"],
+    }
+    among = [NAMES.get(name, name) for name in errors]
+    large = [rms(errors["Z"][spp]) for spp in counts]
+    for k, (title, names) in enumerate(of_graphs.items()):
+        curves = {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names}
         plot.convergence(
             counts,
-            {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names},
+            {name: np.divide(values, large) for name, values in curves.items()},
+            slopes=(),
             title=title,
-            ax=axes,
+            ylabel="RMS error relative to Z, tree",
+            among=among,
+            ax=add_axes(figure, 150 + 1050 * k, 120, 510, graphs - 120 - 70),
         )
     return figure
 

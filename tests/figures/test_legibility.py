@@ -77,6 +77,13 @@ def test_labels_below_a_logarithmic_axis_of_many_decades_are_not_there():
     assert faults_of(figure) == []
 
 
+def test_lines_from_names_to_their_curves_are_no_part_of_the_names():
+    figure, axes = drawn()
+    for name, y in (("steep", 0.35), ("level", 0.1)):
+        axes.annotate(name, (1, 0.1), (4, y), arrowprops={"arrowstyle": "-"})
+    assert faults_of(figure) == []
+
+
 @pytest.mark.slow
 def test_drafts_of_all_figures_can_be_printed(drafts):
     command = [sys.executable, "-m", "figures", "--all", "--out", str(drafts)]

@@ -20,6 +20,9 @@ GAP, LINE = 24, 40
 LABEL, KEY = 70, 210
 """Pixels left of rows that have labels, and right of those that have keys of shades."""
 
+LARGE = 512
+"""Pixels of the picture for the large image of `beside`."""
+
 DECADES = (-2.0, 2.0)
 """Powers of ten of a spectrum that are black and white."""
 
@@ -36,7 +39,7 @@ class Panel(NamedTuple):
 
 
 def image_grid(
-    title: str, panels: Sequence[Panel], columns: int, below: int = 0, width: float = PAGE
+    title: str, panels: Sequence[Panel | None], columns: int, below: int = 0, width: float = PAGE
 ) -> Figure:
     """Draw images over a width in inches, and leave ``below`` pixels free under them.
 
@@ -46,24 +49,29 @@ def image_grid(
     return _sheet(title, rows, columns, 0, 0, below, width)[0]
 
 
-def magnify(caption: str, image: NDArray, crop: tuple[float, float, float]) -> list[Panel]:
-    """Return a picture, and an area of it to be magnified: left and upper edge and side in parts of it."""
+Crop = tuple[float, float, float]
+"""Left and upper edge and side of a square area, in parts of the image."""
+
+
+def cut(image: NDArray, crop: Crop) -> NDArray:
+    """Return an area of an image."""
     left, upper, part = (round(c * len(image)) for c in crop)
-    area = image[upper : upper + part, left : left + part]
-    return [
-        Panel(caption, image, transfer="srgb", marked=(left, upper, part)),
-        Panel("", area, transfer="srgb"),
-    ]
+    return image[upper : upper + part, left : left + part]
 
 
-def magnify_all(title: str, pairs: Sequence[Sequence[Panel]], columns: int, below: bool = False) -> Figure:
-    """Draw images with their magnified areas on their right, or below."""
-    if not below:
-        return image_grid(title, [panel for pair in pairs for panel in pair], 2 * columns)
-    rows = [pairs[k : k + columns] for k in range(0, len(pairs), columns)]
-    return image_grid(
-        title, [panel for row in rows for each in zip(*row, strict=True) for panel in each], columns
-    )
+def mark(caption: str, image: NDArray, crop: Crop, transfer: str = "srgb") -> Panel:
+    """Return an image with the border of an area."""
+    left, upper, part = (round(c * len(image)) for c in crop)
+    return Panel(caption, image, transfer=transfer, marked=(left, upper, part))
+
+
+def beside(title: str, large: Panel, rows: Sequence[Sequence[Panel | None]]) -> Figure:
+    """Draw an image on the left of rows of others, such as magnified areas."""
+    figure, places = _sheet(title, rows, max(map(len, rows)), LARGE + 2 * GAP, 0, 0, PAGE)
+    (_, _, top, height), (_, _, bottom, _) = places[0], places[-1]
+    side = _zoom(large.image, LARGE) * len(large.image)
+    _place(figure, large, 2 * GAP, (top + height + bottom + side) // 2, LARGE)
+    return figure
 
 
 class Shades(NamedTuple):

@@ -9,13 +9,12 @@ from jax import Array
 from matplotlib.figure import Figure
 
 import analysis
-import qmcjax as qj
 from figures import plot
 from figures._errors import fluctuation, rms, slope
 from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images
-from figures.shared.sheets.image_sheets import magnify, magnify_all
+from figures.shared.sheets.image_sheets import Crop, Panel, beside, cut, mark
 from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -28,11 +27,15 @@ OTHERS = ("random", "jittered grid", "Lloyd relaxation", "rank-1 lattice")
 COMPARED = (*OTHERS, *NETS, *FULL)
 """The samplers of Sect. 6.2."""
 
+SHOWN = ("random", "rank-1 lattice", NETS[0], FULL[0])
+SHOWN_SIDE = {"draft": 128, "paper": 256}
+"""What is shown in pictures, and their side."""
+
 DRAFT_SIDE = {"cornell_box": 64, "helicopter": 32}
 SIDES = (64, 128, 256)
-"""Of the images on which sentences about pictures are judged, in paper quality; the largest is shown."""
+"""Of the images on which sentences about pictures are judged, in paper quality."""
 KEYS = {"draft": 1, "paper": 16}
-"""Of rotated points, where the sets of pixels of one image do not decide."""
+"""Of rotated points."""
 REPLICATE = {"draft": 32, "paper": 128}
 """Samples in each replicate of an estimated reference."""
 
@@ -80,90 +83,89 @@ def counts(name: str, spps: list[int]) -> list[int]:
     return [spp for spp in spps if name != "jittered grid" or round(spp ** (1 / 3)) ** 3 == spp]
 
 
-Sets = dict[str, dict[str, np.ndarray]]
-"""Errors of random sets of pixels, by size of the image and sampler."""
+Keys = dict[str, dict[str, np.ndarray]]
+"""Errors of random sets of pixels, each with its key, by size of the image and sampler."""
 
 
 def pictures(
-    name: str,
-    title: str,
-    crop: tuple[float, float, float],
-    claims: Callable[[Sets], Claims],
-    quality: str,
-    progress,
+    name: str, title: str, crop: Crop, claims: Callable[[Keys], Claims], quality: str, progress
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
-    """Show a scene's reference and all samplers at 64 samples per pixel, each with a magnified area.
+    """Show a scene, and an area of it and its errors with some samplers at 64 samples per pixel.
 
     ``claims`` takes the errors of all sizes. Hands the images out.
     """
-    sizes, spp = sides(name, quality), 64
-    side = sizes[-1]
-    scene, exact = getattr(scenes, name)(), diffusion.reference_of(name, side, REPLICATE[quality])
+    scene, side, spp = getattr(scenes, name)(), SHOWN_SIDE[quality], 64
+    exact = diffusion.reference_of(name, side, REPLICATE[quality])
+    images = {each: scene_images.image(scene, make_sampler(each, side, spp), side, spp) for each in SHOWN}
     progress(0.3)
-    panels = [magnify("reference", exact.image, crop)]
-    images, errors, waves, sets = {"reference": exact.image}, {}, {}, {}
-    for size in sizes:
-        compared = {spp: {sampler: make_sampler(sampler, size, spp) for sampler in COMPARED}}
-        found = scene_images.compare(scene, size, compared, lambda part: progress(0.3 + 0.5 * part))
-        of_size = diffusion.reference_of(name, size, REPLICATE[quality])
-        pixels = pixel_sets.all_pixels(size)
-        sets[f"{size} x {size} pixels"] = {
-            sampler: pixel_sets.errors(image[pixels.y, pixels.x], of_size, pixels)
-            for (_, sampler), image in found.items()
-        }
-        if size == side:
-            images |= {sampler: image for (_, sampler), image in found.items()}
-    for sampler in COMPARED:
-        errors[sampler] = diffusion.rms_error(images[sampler], exact)
-        waves[sampler] = _strongest_wave(images[sampler], exact)
-        panels.append(magnify(f"{sampler}\nRMS error {errors[sampler]:.5f}", images[sampler], crop))
-    title += f"\n{side} x {side} pixels, our scene, nets and lattices rotated in each pixel, one key"
-    figure = magnify_all(title, panels, 3)
+    errors = over_keys(name, quality, lambda part: progress(0.3 + 0.7 * part))
+    areas = {each: cut(image, crop) for each, image in images.items()}
+    differences = {each: area - cut(exact.image, crop) for each, area in areas.items()}
+    scale = 3 * float(np.median([rms(each) for each in differences.values()]))
+    panels = [Panel(each.replace(", ", ",\n"), area, transfer="srgb") for each, area in areas.items()]
+    of_errors = [
+        Panel(f"RMS error {diffusion.rms_error(images[each], exact):.4f}", difference, (-scale, scale))
+        for each, difference in differences.items()
+    ]
+    title += (
+        f"our scene, {side} x {side} pixels, {spp} samples per pixel, one key\n"
+        f"below: errors in the marked area, {-scale:.2g} is black, {scale:.2g} white; RMS of the whole image"
+    )
+    figure = beside(title, mark("reference", exact.image, crop), [panels, of_errors])
     numbers = {
         "measured": {
-            "rms_error": errors,
-            "strongest wave": waves,
+            "keys": KEYS[quality],
+            "rms_error": {size: {each: rms(of) for each, of in by.items()} for size, by in errors.items()},
             "over the screen / rotated": {
                 size: {net: judged.ratio(of[full], of[net]) for net, full in zip(NETS, FULL, strict=True)}
-                for size, of in sets.items()
+                for size, of in errors.items()
             },
-            "modified / Sobol' net": judged.ratios(sets, NETS[1], NETS[0]),
-            "lattice / Sobol' net": judged.ratios(sets, "rank-1 lattice", NETS[0]),
+            "modified / Sobol' net": judged.ratios(errors, NETS[1], NETS[0]),
+            "lattice / Sobol' net": judged.ratios(errors, "rank-1 lattice", NETS[0]),
             "reference_error": rms(exact.error),
         },
-        "claims": claims(sets),
+        "claims": claims(errors),
         "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
-        f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels. " + _note(exact),
+        f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels, each with a key "
+        f"of its own in paper quality, except for full-screen nets, which have none. " + _note(exact),
     }
-    return figure, numbers, images
+    return figure, numbers, {"reference": exact.image} | images
 
 
-Keys = dict[str, dict[str, list[float]]]
-"""Values of each key by size of the image and sampler."""
+def over_keys(name: str, quality: str, progress: Callable[[float], None]) -> Keys:
+    """Return errors of sets of pixels, divided among keys, at 64 samples per pixel by size and sampler."""
+    spp, found, sizes = 64, {}, sides(name, quality)
+    for done, side in enumerate(sizes):
+        made = {
+            each: [make_sampler(each, side, spp, key) for key in range(1 if each in FULL else KEYS[quality])]
+            for each in COMPARED
+        }
+        by_count = pixel_sets.compare(
+            getattr(scenes, name)(),
+            diffusion.reference_of(name, side, REPLICATE[quality]),
+            pixel_sets.all_pixels(side),
+            {spp: made},
+            lambda part, done=done: progress((done + part) / len(sizes)),
+        )
+        found[f"{side} x {side} pixels"] = {each: of[spp] for each, of in by_count.items()}
+    return found
 
 
-def over_keys(name: str, names: tuple[str, ...], quality: str) -> tuple[Keys, Keys]:
-    """Return RMS errors and strongest waves at 64 samples per pixel by size and sampler.
+def strongest_waves(name: str, names: tuple[str, ...], quality: str) -> dict[str, dict[str, list[float]]]:
+    """Return the strongest waves of errors at 64 samples per pixel of each key by size and sampler.
 
     Those of rotated points are of as many keys as the quality has; those over the full screen have one value.
     """
-    scene, spp = getattr(scenes, name)(), 64
-    errors: Keys = {}
-    waves: Keys = {}
+    scene, spp, waves = getattr(scenes, name)(), 64, {}
     for side in sides(name, quality):
         exact = diffusion.reference_of(name, side, REPLICATE[quality])
-        size = f"{side} x {side} pixels"
-        errors[size], waves[size] = {each: [] for each in names}, {each: [] for each in names}
+        of_size = waves[f"{side} x {side} pixels"] = {}
         for each in names:
-            for key in range(1 if each in FULL else KEYS[quality]):
-                sampler = make_sampler(each, side, spp, key)
-                if quality == "paper":
-                    image = np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)
-                else:
-                    image = scene_images.image(scene, sampler, side, spp)
-                errors[size][each].append(diffusion.rms_error(image, exact))
-                waves[size][each].append(_strongest_wave(image, exact))
-    return errors, waves
+            keys = range(1 if each in FULL else KEYS[quality])
+            made = (make_sampler(each, side, spp, key) for key in keys)
+            images = (scene_images.render_image(scene, sampler, side, spp, quality) for sampler in made)
+            of_size[each] = [_strongest_wave(image, exact) for image in images]
+    return waves
 
 
 def _note(exact: diffusion.Reference) -> str:
@@ -209,7 +211,7 @@ def convergence(
         waves[sampler][spp] = _strongest_wave(image, exact)
 
     least, floor = min(error for of in errors.values() for error in of.values()), rms(exact.error)
-    figure = new_figure(f"{title}; {side} x {side} pixels, our scene, one key", 3.6)
+    figure = new_figure(f"{title}; {side} x {side} pixels, our scene, one key", 3.8)
     plot.convergence(
         spps,
         {sampler: [of.get(spp, np.nan) for spp in spps] for sampler, of in errors.items()},

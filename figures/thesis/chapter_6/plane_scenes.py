@@ -17,8 +17,7 @@ from figures.making import finished_cells
 from figures.making.schema import Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import pixel_sets
-from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
-from figures.shared.sheets.panels import write_title
+from figures.shared.sheets.image_sheets import Crop, Panel, add_axes, beside, cut, image_grid, mark
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
@@ -41,6 +40,7 @@ SHOWN = 64
 """Samples per pixel of the errors that are drawn."""
 
 MATRICES = "optimised matrices: ours"
+LARCHER = "Larcher-Pillichshammer"
 
 
 @pytree
@@ -89,12 +89,9 @@ def deterministic(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
 
 
 def pictures(
-    scene: Any, title: str, crop: tuple[float, float, float], quality: str, progress
+    scene: Any, title: str, crop: Crop, quality: str, progress
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
-    """Show reference and samplers at 64 samples per pixel, with a magnified area below each.
-
-    ``crop`` is the left and upper edge and the side of the area, in parts of the image. Hands the images out.
-    """
+    """Show the exact image, and samplers at 64 samples per pixel in a magnified area; hand the images out."""
     side, spp = (512, 64) if quality == "paper" else (256, 64)
     makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
     scene = scene if quality == "paper" else _OneByOne(scene)
@@ -102,15 +99,11 @@ def pictures(
     progress(0.5)
     images = {name: np.asarray(qj.render(scene, make(spp), side, side, spp)) for name, make in makers.items()}
     errors = {name: rms(image - reference) for name, image in images.items()}
-    captions = {name: f"{name}\nRMS error {error:.5f}" for name, error in errors.items()}
-    left, upper, part = (round(c * side) for c in crop)
-    area = np.s_[upper : upper + part, left : left + part]
-    lines = {name: _line((image - reference)[area]) for name, image in images.items()}
+    captions = {name: f"{_fold(name)}\nRMS error {error:.4f}" for name, error in errors.items()}
+    lines = {name: _line(cut(image - reference, crop)) for name, image in images.items()}
     progress(0.9)
     images = {"exact reference": reference, **images}
-    figure = _sheet(
-        images, captions, f"{title}; {side} x {side} pixels, box filter, one key; {MATRICES}", area
-    )
+    figure = _sheet(images, captions, f"{title}; {side} x {side} pixels, one key; {MATRICES}", crop)
     numbers = {
         "measured": {
             "rms_error": errors,
@@ -137,31 +130,34 @@ def _line(error: np.ndarray) -> float:
     return float(np.max(rows[: len(around)] / around))
 
 
-def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, area: Any) -> Figure:
-    """Lay images out above their magnified areas, in the contrast that shows the errors of all of them."""
-    exact, *others = (image[area] for image in images.values())
-    margin = 3 * max(rms(image - exact) for image in others)
+def _sheet(images: dict[str, np.ndarray], captions: dict[str, str], title: str, crop: Crop) -> Figure:
+    """Show magnified areas beside the exact image, in the contrast that shows the errors of most of them."""
+    areas = {name: cut(image, crop) for name, image in images.items()}
+    exact, *others = areas.values()
+    margin = 3 * float(np.median([rms(image - exact) for image in others]))
     limits = max(0.0, float(exact.min()) - margin), min(1.0, float(exact.max()) + margin)
-    rows, columns = area
-    marked = columns.start, rows.start, columns.stop - columns.start
-    panels = [Panel(captions.get(name, name), image, marked=marked) for name, image in images.items()]
-    panels += [Panel("", image[area], limits) for image in images.values()]
+    panels = [Panel(captions.get(name, "exact"), image, limits) for name, image in areas.items()]
     title += f"; magnified: black is {limits[0]:.2g}, white {limits[1]:.2g}"
-    return image_grid(title, panels, len(images))
+    exact_image = next(iter(images.values()))
+    return beside(title, mark("exact", exact_image, crop, "linear"), [panels[:4], panels[4:]])
+
+
+def _fold(name: str) -> str:
+    return name.replace("Larcher-", "Larcher-\n")
 
 
 def convergence(
     scene: Any,
     title: str,
-    crop: tuple[float, float, float],
+    crop: Crop,
     claims: Callable[[dict, Sets], Claims],
+    base: str,
     quality: str,
     progress,
 ) -> tuple[Figure, dict]:
-    """Plot error over samples per pixel for the whole image and its halves, and errors in a magnified area.
+    """Plot error over samples per pixel, also relative to the sampler ``base``, and errors of an area.
 
-    ``crop`` is the left and upper edge and the side of the area, in parts of the image; ``claims`` takes the
-    errors of regions, and of sets of pixels.
+    ``claims`` takes the errors of regions, the image and its halves, and of sets of pixels.
     """
     side, largest = SIZE[quality]
     spps = [4**k for k in range(largest + 1)]
@@ -170,10 +166,15 @@ def convergence(
     sets = {name: of[len(REGIONS) :] for name, of in found.items()}
     errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
 
-    figure = _curves(
-        spps, errors, f"{title}; {side} x {side} pixels; jittered grids: RMS over {KEYS} keys; {MATRICES}"
-    )
-    _errors_of_area(figure, scene, side, crop)
+    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
+    exact = cut(scene.reference(side, side)[0], crop)
+    areas = {
+        name: cut(np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN)), crop) - exact
+        for name, make in makers.items()
+    }
+    title += f"; {side} x {side} pixels; jittered grids: RMS over {KEYS} keys; {MATRICES}"
+    whole = {name: of_region["whole"] for name, of_region in errors.items()}
+    figure = _draw(title, spps, whole | {"random": _random(scene, side, spps)}, base, areas)
     numbers = {
         "measured": {
             "spp": spps,
@@ -221,39 +222,31 @@ def _errors(
     return {"jittered grid": jittered} | {name: found[name] for name in deterministic(side)}
 
 
-def _curves(spps: list[int], errors: dict[str, dict[str, list[float]]], title: str) -> Figure:
-    """Draw errors of the whole image, and these times n^0.75; below there is room for a row of images."""
-    width, height, below = 2400, 1300, 440
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
-    write_title(figure, title, y=1 - 16 / height)
-    whole = {name: of_region["whole"] for name, of_region in errors.items()}
-    for k, times in enumerate((0.0, 0.75)):
-        axes = add_axes(figure, 120 + 1170 * k, below + 80, 820, height - below - 195)
+def _random(scene: Any, side: int, spps: list[int]) -> list[float]:
+    """Return RMS errors of random samples: what one sample per pixel has, over the root of their number."""
+    sampler = samplers.independent(sequences.uniform(2, 0), 0, "shift")
+    image = np.asarray(qj.render(scene, sampler, side, side, 1), np.float64)
+    return (rms(image - scene.reference(side, side)[0]) / np.sqrt(spps)).tolist()
+
+
+def _draw(
+    title: str, spps: list[int], errors: dict[str, list[float]], base: str, areas: dict[str, NDArray]
+) -> Figure:
+    """Draw errors of an area above those of the image by samples per pixel, and these relative to one."""
+    scale, height = 3 * rms(list(areas.values())), 800
+    panels = [Panel(_fold(name).replace(" ", "\n"), area, (-scale, scale)) for name, area in areas.items()]
+    title += f"\nimages: errors at {SHOWN} samples per pixel, {-scale:.2g} is black, {scale:.2g} white"
+    figure = image_grid(title, panels, len(panels), below=height)
+    relative = {name: np.divide(of, errors[base]).tolist() for name, of in errors.items() if name != "random"}
+    for k, of in enumerate((errors, relative)):
         plot.convergence(
-            spps, whole, times=times, title="the same, times $n^{0.75}$" if times else "", ax=axes
+            spps,
+            of,
+            slopes=(),
+            ylabel=f"RMS error relative to\n{base}" if k else "RMS error",
+            ax=add_axes(figure, 180 + 1060 * k, 120, 410, height - 120 - 60),
         )
     return figure
-
-
-def _errors_of_area(figure: Figure, scene: Any, side: int, crop: tuple[float, float, float]) -> None:
-    """Draw the errors in an area with SHOWN samples in the lower part of the figure."""
-    left, upper, part = (round(c * side) for c in crop)
-    area = np.s_[upper : upper + part, left : left + part]
-    exact = scene.reference(side, side)[0][area]
-    makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
-    found = {
-        name: np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN))[area] - exact
-        for name, make in makers.items()
-    }
-    scale = 3 * rms(list(found.values()))
-    zoom = 352 // part
-    for k, (name, error) in enumerate(found.items()):
-        plot.place(
-            figure, error, 40 + 392 * k, 24, zoom, title=f"{name}, {SHOWN} spp", limits=(-scale, scale)
-        )
-    text = f"errors in an area, all from {-scale:.2g} (black) to {scale:.2g} (white)"
-    width, height = figure.get_size_inches() * DPI
-    figure.text(40 / width, 420 / height, text, fontsize=9)
 
 
 def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[str, dict[str, float]]:
@@ -263,15 +256,12 @@ def _slopes(spps: list[int], errors: dict[str, dict[str, list[float]]]) -> dict[
     }
 
 
-CROP_6_1 = (0.375, 0.0, 0.25)
+CROP_6_1 = (0.375, 0.0, 0.234375)
 
 
 def thesis_6_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
-    title = (
-        "Checkerboard at 64 samples per pixel: the rotated lattice leaves a line\n"
-        "thesis, Fig. 6.1; and a magnified area"
-    )
+    title = "Checkerboard at 64 samples per pixel: the rotated lattice leaves a line\nthesis, Fig. 6.1"
     return pictures(scenes.checkerboard(), title, CROP_6_1, quality, progress)
 
 
@@ -308,18 +298,15 @@ def _similar(errors: list[list[float]]) -> bool:
 def thesis_6_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
     title = "Checkerboard: Larcher-Pillichshammer is best at most sample counts\nthesis, Fig. 6.2"
-    return convergence(scenes.checkerboard(), title, CROP_6_1, _claims_6_2, quality, progress)
+    return convergence(scenes.checkerboard(), title, CROP_6_1, _claims_6_2, LARCHER, quality, progress)
 
 
-CROP_6_3 = (0.7, 0.7, 0.25)
+CROP_6_3 = (0.703125, 0.703125, 0.234375)
 
 
 def thesis_6_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
-    title = (
-        "Zone plate at 64 samples per pixel: here the rotated lattice leaves no line\n"
-        "thesis, Fig. 6.3; and a magnified area"
-    )
+    title = "Zone plate at 64 samples per pixel: here the rotated lattice leaves no line\nthesis, Fig. 6.3"
     return pictures(scenes.zone_plate(), title, CROP_6_3, quality, progress)
 
 
@@ -331,14 +318,12 @@ LARGEST = 6
 MANY = 4
 """The same of the samples beyond which another net is said to be the best."""
 
-LARCHER = "Larcher-Pillichshammer"
-
 
 def thesis_6_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure the error of the samplers of chapter 6 against the exact pixel integrals."""
     title = "Zone plate: in places nets and lattices are worse than the jittered grid\nthesis, Fig. 6.4"
     claims = partial(_claims_6_4, quality)
-    return convergence(scenes.zone_plate(), title, CROP_6_3, claims, quality, progress)
+    return convergence(scenes.zone_plate(), title, CROP_6_3, claims, "jittered grid", quality, progress)
 
 
 def _claims_6_4(quality: str, errors: dict, sets: Sets) -> Claims:

@@ -1,4 +1,4 @@
-"""The options of ``qmcjax``, and what it says of wrong ones."""
+"""The options of ``qmcjax``, and its messages about wrong ones."""
 
 import argparse
 import difflib
@@ -39,20 +39,19 @@ figures:
 
 examples:
   qmcjax                                the papers' figures, as drafts, into out/
-  qmcjax --all                          and measurements of our own
+  qmcjax --all                          also our own measurements
   qmcjax thesis-6.1 --quality paper     one figure as printed
-  qmcjax thesis-6.1 --format pdf        as vectors, too
-  qmcjax --out gallery --jobs 4         four at a time, into gallery/
-  qmcjax --distributed --out gallery    on all machines of a SLURM job, say
-  qmcjax compare --help                 samplers compared: yours, ours, and those of others
+  qmcjax thesis-6.1 --format pdf        also as vector graphics
+  qmcjax --out gallery --jobs 4         four figures at a time, into gallery/
+  qmcjax --distributed --out gallery    on all machines of a job, for example of SLURM
+  qmcjax compare --help                 compare samplers: yours, ours, and those of others
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
 
-Each figure becomes <name>.png in the output folder; what was measured stands beside what the
-papers print in numbers.json there; index.html there shows the figures. A second run makes only what
-is missing or whose code or quality changed. Compiled programs are kept in the user's folder for caches,
-at most 1 GiB, so that another run need not compile them; in paper quality figures that measure time
-compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
-130 after Ctrl-C.
+Each figure becomes <name>.png in the output folder. numbers.json there contains what was measured beside what
+the papers print, and index.html shows the figures. A second run makes only figures that are missing or whose
+code or quality has changed. Compiled programs are kept in the user's cache folder, at most 1 GiB, for later
+runs; in paper quality, figures that measure time compile again. Exit status: 0, 1 if a figure failed, 2 for
+wrong usage, 130 after Ctrl-C.
 """,
     )
     parser.add_argument(
@@ -68,7 +67,7 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         "--format",
         choices=("png", "pdf"),
         default="png",
-        help="pdf: write each figure as vectors, too, for print (default: png, of 300 dpi)",
+        help="pdf: also write each figure as vector graphics, for print (default: png, 300 dpi)",
     )
     parser.add_argument(
         "--jobs",
@@ -77,7 +76,7 @@ compile anew. Exit status: 0, 1 if a figure failed, 2 for wrong usage,
         help="figures made at a time (default: 2); in paper quality those that measure time run alone",
     )
     parser.add_argument(
-        "--no-cache", action="store_true", help="compile all programs anew, and keep none for the next run"
+        "--no-cache", action="store_true", help="compile all programs again, and keep none for the next run"
     )
     parser.add_argument(
         "--heitz",

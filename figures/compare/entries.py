@@ -1,19 +1,19 @@
-"""What takes part in a comparison, and entries that code of others makes: programs and projects.
+"""Entries of a comparison that are made by other code: programs and projects.
 
 The protocol, in full:
 
-1. The command is split as a shell does, and run without one in the current folder. In its words {width},
+1. The command is split like by a shell, and runs in the current folder without one. In its words {width},
    {height}, {spp}, {dims} and {seed} are replaced by integers. A command without any of these gets
-   ``--width W --height H --spp N --dims D --seed K`` as further words.
-2. The program writes the coordinates of all points to its standard output and ends with status 0. Status 2
-   means that it does not support these numbers: they are left out. Any other status is an error, and
-   so is no end within 120 seconds. The last line at standard error is shown.
-3. Order: pixel rows from y = 0, in a row pixels from x = 0, in a pixel samples from 0, in a sample
-   coordinates from 0: width * height * spp * dims numbers in [0, 1).
+   ``--width W --height H --spp N --dims D --seed K`` appended.
+2. The program writes the coordinates of all points to standard output and exits with status 0. Status 2
+   means that it does not support these numbers, which are then left out. Any other status is an error, as is
+   running for more than 120 seconds. The last line on standard error is shown.
+3. Order: rows of pixels from y = 0, pixels of a row from x = 0, samples of a pixel from 0, coordinates of a
+   sample from 0. In total width * height * spp * dims numbers in [0, 1).
 4. Coordinates 0 and 1 are the position in the pixel; pixel (x, y) is [x, x+1) x [y, y+1).
 5. Numbers are float32, little-endian, without a header; or text, separated by blanks, commas or line ends.
-   Output that has only characters of decimal numbers is text.
-6. The seed is 0, 1, ...: equal seeds give equal points, others independent ones.
+   Output that contains only characters of decimal numbers is text.
+6. The seed is 0, 1, ...: equal seeds give equal points, different seeds independent ones.
 """
 
 import hashlib
@@ -42,7 +42,7 @@ Make = Callable[[int, int, int, int, int], Any]
 """From width, height, samples per pixel (or frames), dimensions and key to a sampler."""
 
 SECONDS = 120.0
-"""Time that a program has for one image."""
+"""Time limit of a program for one image."""
 
 NOT_SUPPORTED = 2
 """Exit status of a program that does not support the numbers."""
@@ -52,7 +52,7 @@ TEXT = re.compile(rb"[0-9eE+\-.,\s]*")
 NAMES = ("width", "height", "spp", "dims", "seed")
 
 MITSUBA = "mitsuba-"
-"""Names of entries begin so."""
+"""The prefix of names of Mitsuba's samplers."""
 
 MITSUBAS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
 

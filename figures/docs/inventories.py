@@ -1,4 +1,4 @@
-"""Small inventories of other projects' names, to link to where there is no network to fetch theirs."""
+"""Small inventories of other projects' names, for links in builds without a network."""
 
 import zlib
 from pathlib import Path

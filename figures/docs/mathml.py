@@ -1,6 +1,6 @@
-"""Formulas as MathML, which browsers draw themselves: no script, no font and no network is needed.
+"""Formulas as MathML, which browsers render without scripts, fonts or network.
 
-Docutils translates them, a subset of LaTeX: what it does not know is an error of the build.
+Docutils translates them from a subset of LaTeX; unknown commands are errors of the build.
 """
 
 from docutils import nodes

@@ -1,4 +1,4 @@
-"""The reference is of public names: their bases and types link to such, and none is missing."""
+"""The reference of public names: bases and types link to public names, and no name is missing."""
 
 import importlib
 import sys

@@ -47,32 +47,33 @@ STEPS = (
         "thesis-5.2",
         "One point in each cell",
         "Random points clump and leave holes. A net puts exactly one point into each cell of a grid, and "
-        "into each box of the same area, however flat: wherever an edge lies, about the right share of the "
-        "points is on either side.",
+        "into each box of the same area, however flat. So for any edge, about the right share of the points "
+        "is on either side.",
     ),
     (
         "hilbert-1",
         "A path over the pixels",
-        "An image needs such points in each of its pixels. If one sequence is dealt out along a curve that "
-        "stays among neighbours, the points of nearby pixels complete each other.",
+        "An image needs such points in every pixel. If the pixels along a curve that visits neighbours one "
+        "after the other take consecutive points of one sequence, the points of nearby pixels complement "
+        "each other.",
     ),
     (
         "z-3",
         "The same amount of noise, arranged",
-        "At one sample per pixel every sampler has noise. But where neighbours err in opposite directions, "
-        "errors cancel to the eye: the spectrum is dark in its middle, which is called blue noise.",
+        "At one sample per pixel every sampler is noisy. But if neighbours err in opposite directions, "
+        "errors cancel for the eye: the spectrum is dark in its middle, which is called blue noise.",
     ),
     (
         "spp-slider",
         "More samples, less error, at different rates",
-        "Random samples halve the error with four times the work. Nets along a curve fall on a steeper "
-        "line, so their advantage grows with the number of samples.",
+        "With random samples, halving the error takes four times the work. The errors of nets along a curve "
+        "fall faster, so their advantage grows with the number of samples.",
     ),
     (
         "thesis-6.1",
         "The same picture, less noise",
-        "A checkerboard up to its horizon at equal cost: nets leave less error than a jittered grid, which "
-        "shows where the cells are smaller than pixels.",
+        "A checkerboard up to its horizon at equal cost. Towards the horizon its cells are smaller than "
+        "pixels; there nets leave less error than a jittered grid.",
     ),
 )
 

@@ -57,17 +57,17 @@ def convergence(
     errors : mapping of samplers' names to float ArrayLike, shape (len(spps),)
         Positive; NaN where a sampler has no such number of samples.
     bands : mapping of names to float ArrayLike, shape (2, len(spps)), optional
-        Low and high ends of what is likely, from keys.
+        Lower and upper ends of confidence intervals over keys.
     slopes : sequence of float, optional
-        Powers of the number of samples that are drawn as dotted lines, from the largest first error.
+        Exponents of the number of samples, drawn as dotted lines from the largest first error.
     times : float, optional
-        Errors are multiplied by this power of the number of samples: those that fall like its inverse are
-        level then, and small differences are seen.
+        Errors are multiplied by this power of the number of samples, so errors that fall like its inverse
+        become horizontal, and small differences become visible.
     floor : float, optional
-        The reference's own error, drawn as a line.
+        The error of the reference, drawn as a line.
     title, ylabel : str, optional
     among : sequence of str, optional
-        All samplers of several plots, for the same styles in all; by default those of ``errors``.
+        All samplers of several plots, to give them the same styles; by default those of ``errors``.
     ax : Axes, optional
         Where to draw; by default a new figure.
 
@@ -78,7 +78,7 @@ def convergence(
     Raises
     ------
     TypeError
-        If ``errors`` is no mapping, ``among`` has others than names, or ``ax`` is no Axes.
+        If ``errors`` is not a mapping, ``among`` is not made of names, or ``ax`` is not an Axes.
     ValueError
         If errors have another shape, or one is not positive.
 

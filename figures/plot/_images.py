@@ -1,4 +1,4 @@
-"""Images at whole zoom: a pixel is as many pixels wide as high, and none is resampled."""
+"""Images at integer zoom, without resampling: each pixel is a square of whole pixels."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def image(
     Raises
     ------
     TypeError
-        If ``image`` is no array of numbers.
+        If ``image`` is not an array of numbers.
     ValueError
         If it has another shape or a value that is not finite, or another argument is out of range.
 
@@ -144,12 +144,12 @@ def srgb(linear: NDArray[Any]) -> NDArray[Any]:
 def difference(
     image: ArrayLike, reference: ArrayLike, *, title: str = "", scale: float | None = None
 ) -> Figure:
-    """Draw the error of an image: grey is none, white is above by ``scale``, black below by as much.
+    """Draw the error of an image: grey is 0, white is ``+scale``, black is ``-scale``.
 
     Parameters
     ----------
     image, reference : float ArrayLike, shape (height, width) or (height, width, 3)
-        Both of one shape.
+        Both of the same shape.
     title : str, optional
         By default the scale.
     scale : float, optional
@@ -162,7 +162,7 @@ def difference(
     Raises
     ------
     TypeError
-        If an argument is no array of numbers.
+        If an argument is not an array of numbers.
     ValueError
         If shapes differ, a value is not finite, or ``scale`` is not positive.
 

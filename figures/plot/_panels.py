@@ -23,7 +23,7 @@ from qmcjax.orders import as_order
 def panel(ax: Axes | None, size: tuple[float, float]) -> Axes:
     """Return axes: those that are given, or of a new figure of a size in inches, which notebooks show."""
     if ax is None:
-        # It decides how figures are shown, which is no business of scripts that save them.
+        # Importing it selects a backend, which scripts that save figures do not need.
         import matplotlib.pyplot as plt
 
         return plt.subplots(figsize=size, layout="constrained")[1]
@@ -34,7 +34,7 @@ def panel(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
 
 def check_texts(**texts: Any) -> None:
-    """Raise a TypeError that names what is no text."""
+    """Raise a TypeError that names an argument that is not a string."""
     for name, text in texts.items():
         if not isinstance(text, str):
             raise TypeError(f"{name} must be a text, got {checks.shown(text)}")
@@ -79,7 +79,7 @@ def points(
     Raises
     ------
     TypeError
-        If ``points`` is no array of numbers, or ``ax`` no Axes.
+        If ``points`` is not an array of numbers, or ``ax`` is not an Axes.
     ValueError
         If points have another shape, or are outside.
 
@@ -140,7 +140,7 @@ def order(order: Any, *, title: str = "", ax: Axes | None = None, **style: Any) 
     Raises
     ------
     TypeError
-        If ``order`` is none, or ``ax`` no Axes.
+        If ``order`` is not an order, or ``ax`` is not an Axes.
     ValueError
         If it has too many pixels.
 
@@ -192,7 +192,7 @@ def spectrum(
     Raises
     ------
     TypeError
-        If ``ax`` is no Axes.
+        If ``ax`` is not an Axes.
     ValueError
         If a spectrum has another shape.
 

@@ -139,7 +139,7 @@ def style(name: str, among: Iterable[str] = ()) -> Style:
     Raises
     ------
     TypeError
-        If ``name`` is no string, or ``among`` has others.
+        If ``name`` is not a string, or ``among`` is not made of strings.
 
     Examples
     --------

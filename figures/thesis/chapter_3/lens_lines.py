@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
-from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -116,9 +115,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         for way, of in images.items()
         if way != "lines, evenly"
     }
-    began = perf_counter()
-    samples(BANDED, 1)
-    ratio = seconds / ((perf_counter() - began) / BANDED)
+    ratio = seconds * BANDED / timed(samples, BANDED, 1)[1].clock
     numbers = {
         "measured": {
             "RMS error": _by_name(errors),

@@ -1,4 +1,4 @@
-"""One scene by eight samplers, from 1 to 256 samples per pixel: images for the page's slider, and errors.
+"""One scene by several samplers, from 1 to 256 samples per pixel: images for the page's slider, and errors.
 
 With it go what the page's playground renders with, which needs no images, and measured errors of samplers.
 """

@@ -81,15 +81,25 @@ def which_sampler() -> Markup:
         PAGE,
         name=name,
         safest=join(safest_sampler("images", filtered) for filtered in (True, False)),
-        tables=join(
-            fill(FOLDED, title=_title(STILL, *of), table=_table(STILL, *of), open=" open" * (of == (2, True)))
-            for of in product(LEVELS, (True, False))
-        ),
+        tables=_folded_tables(STILL),
         others=join(
-            safest_sampler(setting, filtered)
-            for setting in ("prefixes", "frames")
-            for filtered in (True, False)
+            join([*(safest_sampler(name, filtered) for filtered in (True, False)), _folded_tables(of)])
+            for name, of in SETTINGS.items()
+            if of is not STILL
         ),
+    )
+
+
+def _folded_tables(setting: Setting) -> Markup:
+    """Return all tables of a setting, of which only the first of still images is open."""
+    return join(
+        fill(
+            FOLDED,
+            title=_title(setting, *of),
+            table=_table(setting, *of),
+            open=" open" * (setting is STILL and of == (2, True)),
+        )
+        for of in product(LEVELS, (True, False))
     )
 
 

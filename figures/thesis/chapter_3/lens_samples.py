@@ -34,25 +34,25 @@ COUNTS = (4, 16, 64)
 LINEAR = 1e-6
 
 NOTE_3_8 = (
-    "{side} x {side} pixels, the package's row of balls with a thin lens; {spp} samples per pixel for "
-    "each lens point, {many} over the whole lens. A lens point sees a slice of the light field: its "
-    "rays have one origin and cross the plane of focus linearly in the pixel, to {residual:.0e} of the "
-    "plane's distance. This is an off-axis perspective projection, which graphics hardware can render. "
-    "The points are the first of the Sobol' sequence. Means of few images show copies of objects out of "
-    "focus; RMS differences from the image over the whole lens are {errors}."
+    f"{SIDE_3_8} x {SIDE_3_8} pixels, the package's row of balls with a thin lens; {{spp}} samples per "
+    "pixel for each lens point, {many} over the whole lens. A lens point sees a slice of the light "
+    "field: its rays have one origin and cross the plane of focus linearly in the pixel, to "
+    "{residual:.0e} of the plane's distance. This is an off-axis perspective projection, which graphics "
+    "hardware can render. The points are the first of the Sobol' sequence. Means of few images show copies "
+    "of objects out of focus; RMS differences from the image over the whole lens are {errors}."
 )
 
 
 def thesis_3_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Render from points on the lens, and average."""
-    side, spp, scene = SIDE_3_8, SPP_3_8[quality], scenes.defocus()
+    spp, scene = SPP_3_8[quality], scenes.defocus()
     lens = np.asarray(sequences.sobol(2).points(max(COUNTS)))
     slices = []
     for number, point in enumerate(lens):
-        slices.append(scene_images.replicate(scene, _from_one_point(point, number), side, spp))
+        slices.append(scene_images.replicate(scene, _from_one_point(point, number), SIDE_3_8, spp))
         progress(0.8 * (number + 1) / len(lens))
     every = samplers.independent(sequences.sobol(len(scene.needs)), 1)
-    whole = scene_images.replicate(scene, every, side, MANY_3_8[quality])
+    whole = scene_images.replicate(scene, every, SIDE_3_8, MANY_3_8[quality])
     means = {count: np.mean(slices[:count], axis=0) for count in COUNTS}
     errors = {f"{count} points": rms(mean - whole) for count, mean in means.items()}
     residual = max(_not_linear(scene.estimator.camera, point) for point in lens)
@@ -71,7 +71,6 @@ def thesis_3_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
             ),
         },
         "note": NOTE_3_8.format(
-            side=side,
             spp=spp,
             many=MANY_3_8[quality],
             residual=residual,
@@ -137,29 +136,29 @@ UNIFORM = 0.05
 
 NOTE_3_9 = (
     "Densities are measured: a square light, 1/{part:g} as wide as its picture out of focus, shows the "
-    "lens itself, by `tracing.lens_line`, {side} x {side} pixels, {spp} samples per line and pixel. The "
-    "density in rings of equal width is that of the mean of {many} diameters over that of a disc, "
-    "blurred by the light as well. Evenly sampled diameters have the density 1 / (2 r), infinite in the "
-    'middle. Where t runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" '
-    "mapping that the thesis asks for; then the mean of n lines integrates all polynomials of degree up "
-    "to 2 n - 1 exactly. The edge error is the RMS error of the part of the lens on one side of a "
-    "straight edge, over edge positions: the error of pixels near an edge out of focus. 'All' is over "
-    "all edge directions, 'worst' for the worst direction. The text does not specify the thesis's left "
-    "pattern; ours has {count} parallel lines weighted by length. Over all directions their edge error "
-    "is about that of the diameters, but edges parallel to them show bands. Points are the first "
-    "{count} of the Sobol' sequence, mapped to the disc."
+    f"lens itself, by `tracing.lens_line`, {SIDE_3_9} x {SIDE_3_9} pixels, {SPP_3_9} samples per line and "
+    "pixel. The density in rings of equal width is that of the mean of {many} diameters over that of a "
+    "disc, blurred by the light as well. Evenly sampled diameters have the density 1 / (2 r), infinite in "
+    'the middle. Where t runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" '
+    "mapping that the thesis asks for; then the mean of n lines integrates all polynomials of degree up to "
+    "2 n - 1 exactly. The edge error is the RMS error of the part of the lens on one side of a straight "
+    "edge, over edge positions: the error of pixels near an edge out of focus. 'All' is over all edge "
+    "directions, 'worst' for the worst direction. The text does not specify the thesis's left pattern; "
+    "ours has {count} parallel lines weighted by length. Over all directions their edge error is about "
+    "that of the diameters, but edges parallel to them show bands. Points are the first {count} of the "
+    "Sobol' sequence, mapped to the disc."
 )
 
 
 def thesis_3_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Draw the patterns, and measure densities by pictures of a light."""
-    side, many, spp = SIDE_3_9, MANY_3_9[quality], SPP_3_9
+    many = MANY_3_9[quality]
     names = (f"{COUNT} points", f"{COUNT} parallel lines", f"{COUNT} lines, evenly", f"{COUNT} lines, sqrt")
     parts = (_of_points, _of_parallel, partial(_of_diameters, False), partial(_of_diameters, True))
     errors = {name: _edge_errors(part) for name, part in zip(names, parts, strict=True)}
-    exact, density, pictures = _exact(side), {}, {}
+    exact, density, pictures = _exact(SIDE_3_9), {}, {}
     for done, name in enumerate(("evenly", "sqrt"), start=1):
-        images = _pictures(many, side, spp, name == "sqrt")
+        images = _pictures(many, name == "sqrt")
         pictures[f"{COUNT} lines, {name}"] = images[:: many // COUNT].mean(axis=0)
         pictures[f"{many} lines, {name}"] = images.mean(axis=0)
         density[name] = _rings(images.mean(axis=0)) / _rings(exact)
@@ -182,13 +181,13 @@ def thesis_3_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
                 diameters < parallel
             ),
         },
-        "note": NOTE_3_9.format(part=1 / HALF, side=side, spp=spp, many=many, count=COUNT),
+        "note": NOTE_3_9.format(part=1 / HALF, many=many, count=COUNT),
     }
     return _draw(pictures, density, errors, many), numbers
 
 
-def _pictures(count: int, side: int, spp: int, redistributed: bool) -> NDArray[np.float64]:
-    """Return the pictures of a small light out of focus by each line: (count, side, side).
+def _pictures(count: int, redistributed: bool) -> NDArray[np.float64]:
+    """Return the pictures of a small light out of focus by each line: (count, SIDE_3_9, SIDE_3_9).
 
     It is 2 away and what is in focus 1: its picture is the lens, and fills 1 / 1.1 of the screen.
     """
@@ -200,9 +199,8 @@ def _pictures(count: int, side: int, spp: int, redistributed: bool) -> NDArray[n
     images = []
     for key, line in enumerate(tracing.lens_lines(count)):
         of_line = tracing.lens_line(scene, line, 2, redistributed=redistributed)
-        images.append(
-            scene_images.replicate(of_line, samplers.independent(sequences.sobol(3), key), side, spp)
-        )
+        sampler = samplers.independent(sequences.sobol(3), key)
+        images.append(scene_images.replicate(of_line, sampler, SIDE_3_9, SPP_3_9))
     return np.stack(images)[..., 0]
 
 

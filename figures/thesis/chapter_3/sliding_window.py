@@ -46,7 +46,7 @@ NOTE = (
     f"accumulated one, and the new one added, in float32, {{frames}} times, {SMALL} x {SMALL} pixels. "
     "Rounding errors accumulate like a random walk, about as the square root of the number of frames. "
     "Accumulation buffers of integers, as in the hardware of the time, have none. Thick line: a "
-    f"quadrilateral whose corners move linearly, {{side}} x {{side}} pixels with {PLACES**2} points "
+    f"quadrilateral whose corners move linearly, {SIDE} x {SIDE} pixels with {PLACES**2} points "
     "each, consists of two triangles, visible in the intervals of `tracing.visible_intervals`; a colour "
     "that changes linearly is integrated by its value in the middle of each interval. 'Times' are means "
     f"over equally spaced times, the same in all pixels. Exactness: {CHECKED} points that the line "
@@ -57,11 +57,10 @@ NOTE = (
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure drifts, and draw a line that moves by exact coverage and by times."""
-    side = SIDE
     drift, exact_ring, asked = _drift(FRAMES[quality])
     progress(0.4)
     opened, closed = (_corners(ends) for ends in (OPEN, CLOSE))
-    points = _points(side)
+    points = _points()
     covered, faded = _covered(opened, closed, points)
     progress(0.6)
     sampled = {
@@ -70,8 +69,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         )
         for k in range(1, TIMES[quality] + 1)
     }
-    whole = {n: _image(values, side) for n, values in sampled.items()}
-    exact = _image(covered, side)
+    whole = {n: _image(values) for n, values in sampled.items()}
+    exact = _image(covered)
     errors = {n: rms(image - exact) for n, image in whole.items()}
     some = np.flatnonzero((covered > 0) & (covered < 1))
     some = np.random.default_rng(1).choice(some, CHECKED, replace=False)
@@ -80,7 +79,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     worst = {name: float(np.percentile(of, QUANTILE)) for name, of in off.items()}
     progress(0.8)
 
-    images = [_disc(0.125 * k, side) for k in range(COUNT)]
+    images = [_disc(0.125 * k, SIDE) for k in range(COUNT)]
     frame = next(qj.sliding_means(images, COUNT))
     white = float(whole[8].max())
     panels = [
@@ -88,7 +87,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         Panel(f"a frame:\nmean of {COUNT} images", frame),
         Panel(f"thick line, {COUNT} times:\nRMS error {errors[8]:.4f}", whole[8], (0.0, white)),
         Panel(f"exact: white is\n{100 * white:.0f} % of the shutter", exact, (0.0, white)),
-        Panel("exact, a colour that\nfades as it moves", _image(faded, side), (0.0, white)),
+        Panel("exact, a colour that\nfades as it moves", _image(faded), (0.0, white)),
     ]
     title = (
         "A ring buffer makes each motion-blurred frame from one new image\n"
@@ -116,7 +115,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
                 worst["colour"] < CLOSE_TO
             ),
         },
-        "note": NOTE.format(frames=last, side=side),
+        "note": NOTE.format(frames=last),
     }
     return _draw(panels, title, drift, errors, worst["coverage"]), numbers
 
@@ -165,15 +164,15 @@ def _corners(ends: NDArray) -> NDArray[np.float64]:
     return np.stack([ends[0] - across, ends[1] - across, ends[1] + across, ends[0] + across])
 
 
-def _points(side: int) -> NDArray[np.float64]:
-    """Return points of all pixels, (side side places, 2)."""
-    places = (np.arange(side * PLACES) + 0.5) / (side * PLACES)
+def _points() -> NDArray[np.float64]:
+    """Return points of all pixels, (SIDE SIDE PLACES PLACES, 2)."""
+    places = (np.arange(SIDE * PLACES) + 0.5) / (SIDE * PLACES)
     x, y = np.meshgrid(places, places)
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def _image(values: NDArray, side: int) -> NDArray[np.float64]:
-    return values.reshape(side, PLACES, side, PLACES).mean(axis=(1, 3))
+def _image(values: NDArray) -> NDArray[np.float64]:
+    return values.reshape(SIDE, PLACES, SIDE, PLACES).mean(axis=(1, 3))
 
 
 def _covered(opened: NDArray, closed: NDArray, points: NDArray) -> tuple[NDArray, NDArray]:

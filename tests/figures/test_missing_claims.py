@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import analysis
+import qmcjax as qj
 from analysis import trees
-from qmcjax import orders, samplers, sequences
+from qmcjax import orders, samplers, scenes, sequences
 
 
 def grid(side):
@@ -46,7 +47,7 @@ def test_shifts_by_a_mask_change_what_a_filter_leaves_and_not_the_error():
 
 
 def test_phi_3_is_correlated_where_indices_differ_by_3():
-    """Sect. 3.1: such neighbours share the leading digit; others have different ones."""
+    """Sect. 3.1: so are all whose difference is a multiple of 3, which share the leading digit: stripes."""
     index = np.asarray(orders.hilbert(64, 64).position(*grid(64))).astype(np.int64)
     across, down = (
         np.stack(pair, -1).reshape(-1, 2) for pair in ((index[:, 1:], index[:, :-1]), (index[1:], index[:-1]))
@@ -54,8 +55,10 @@ def test_phi_3_is_correlated_where_indices_differ_by_3():
     pairs = np.concatenate([across, down])
     phi = np.asarray(sequences.van_der_corput(3).points(64**2)[:, 0], np.float64)[pairs]
     difference = np.abs(pairs[:, 0] - pairs[:, 1])
+    first, second = phi[difference % 3 == 0].T
+    assert np.array_equal(np.floor(3 * first), np.floor(3 * second))
     first, second = phi[difference == 3].T
-    assert len(first) > 500 and np.array_equal(np.floor(3 * first), np.floor(3 * second))
+    assert len(first) > 500
     assert np.corrcoef(first, second)[0, 1] > 0.8 and np.corrcoef(*phi[difference % 3 > 0].T)[0, 1] < 0
 
 
@@ -178,6 +181,23 @@ def test_indices_along_the_hilbert_curve_need_neither_tables_nor_memory():
 
 
 # Z paper
+
+
+def test_equal_samples_in_all_pixels_have_positively_correlated_errors():
+    """Sect. 1: errors are alike in neighbours, and so are visible after a filter."""
+    scene, side, spp, lattice = scenes.soft_shadow(), 64, 4, sequences.lattice(4)
+    exact, _ = scene.reference(side, side)
+    found = {}
+    for name, sampler in {
+        "equal": samplers.dither(np.zeros((1, 1)), lattice),
+        "random": samplers.independent(lattice, 1, "shift"),
+    }.items():
+        image = np.asarray(qj.render(scene, sampler, side, side, spp))
+        error = image - exact
+        alike = np.corrcoef(error[:, 1:].ravel(), error[:, :-1].ravel())[0, 1]
+        found[name] = alike, analysis.filtered_error(image, exact)
+    assert abs(found["random"][0]) < 0.1 and found["equal"][0] > 0.5
+    assert found["equal"][1] > 2 * found["random"][1]
 
 
 def errors(sampler, dims, side=64):

@@ -60,8 +60,8 @@ SIGMA = 1.5
 
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row "
-    "of boxes is in focus. {side} x {side} pixels are measured, pictures with {drawn} samples per line "
-    f"and pixel shown. Lines are `tracing.lens_line` with {SPP} samples per pixel each, consecutive "
+    "of boxes is in focus. {side} x {side} pixels are measured; the pictures' samples per line and pixel: "
+    f"{{drawn}}. Lines are `tracing.lens_line` with {SPP} samples per pixel each, consecutive "
     "parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} on the lens; "
     "its variance is subtracted from mean square errors. 'Points' are images from lens points that all "
     "pixels share (Fig. 3.8); 'samples of the lens' are Owen-scrambled in each pixel, as many as all "

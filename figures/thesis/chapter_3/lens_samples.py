@@ -34,8 +34,8 @@ COUNTS = (4, 16, 64)
 LINEAR = 1e-6
 
 NOTE_3_8 = (
-    f"{SIDE_3_8} x {SIDE_3_8} pixels, the package's row of balls with a thin lens; {{spp}} samples per "
-    "pixel for each lens point, {many} over the whole lens. A lens point sees a slice of the light "
+    f"{SIDE_3_8} x {SIDE_3_8} pixels, the package's row of balls with a thin lens; samples per pixel: "
+    "{spp} for each lens point, {many} over the whole lens. A lens point sees a slice of the light "
     "field: its rays have one origin and cross the plane of focus linearly in the pixel, to "
     "{residual:.0e} of the plane's distance. This is an off-axis perspective projection, which graphics "
     "hardware can render. The points are the first of the Sobol' sequence. Means of few images show copies "

@@ -52,6 +52,7 @@ TITLES = {
     "thesis-2.1": "At most four cubic B-spline basis functions differ from zero at once",
     "thesis-2.2": "Equal steps of the parameter are unequal steps along the curve",
     "thesis-2.3": "A knot of full multiplicity pulls the curve through a control point, with a corner",
+    "thesis-2.3.1": "Matrices blended by component shrink objects; a corner makes quadrature cost more",
     "thesis-2.4": "Linear segments approximate the arc length, even of a curve with a corner",
     "thesis-2.5": "Ends of segments lie on the curve, and errors in between stay below their bound",
     "thesis-2.6": "Corners are farthest out where the derivative is zero, or at the end",
@@ -160,6 +161,7 @@ LONG = frozenset("thesis-6.8 intervals hilbert-5 z-11 z-12".split())
 MODULES = {
     "hilbert.radical_inverses": "hilbert-3 hilbert-4",
     "thesis.chapter_2.linear_segments": "thesis-2.4 thesis-2.5 thesis-2.7 thesis-2.8",
+    "thesis.chapter_2.matrices_and_lengths": "thesis-2.3.1",
     "thesis.chapter_2.rotation_bounds": "thesis-2.6",
     "thesis.chapter_2.spline_curves": "thesis-2.1 thesis-2.2 thesis-2.3",
     "thesis.chapter_3.eulerian": "thesis-3.1.8",

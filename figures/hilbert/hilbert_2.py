@@ -38,6 +38,7 @@ ROW_BIT = "second bit of the position is that of the row"
 CHECKERBOARD = "phi_2 < 1/2 in one colour of a checkerboard"
 FREQUENT = "the most frequent differences above 1"
 MIRRORED = "correlation with the image mirrored at the diagonal"
+ACROSS = "correlation of phi_3 across edges"
 MULTIPLES = "share of the differences above 1 that are multiples of"
 
 BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
@@ -98,6 +99,7 @@ def _measure(curve: Curve) -> dict:
         EVEN_COLUMNS: bool(np.all(halves == (x % 2 == 0))),
         ROW_BIT: bool(np.all(curve.positions >> 1 & 1 == y % 2)),
         CHECKERBOARD: bool(np.all(halves == ((x + y) % 2 != halves[0, 0]))),
+        ACROSS: _correlate_across(curve, images[3]),
         MIRRORED: {
             f"phi_{base}": float(np.corrcoef(image.ravel(), image.T.ravel())[0, 1])
             for base, image in images.items()
@@ -107,6 +109,18 @@ def _measure(curve: Curve) -> dict:
             for motion, moved in _moved(curve.positions).items()
         },
     }
+
+
+def _correlate_across(curve: Curve, image: NDArray[np.float64]) -> dict[str, float]:
+    """Return the correlation of the two pixels at edges, by the differences of their positions."""
+    differences = _all_differences(curve.positions)
+    ends = [
+        np.concatenate([part.ravel() for part in parts])
+        for parts in ((image[:, :-1], image[:-1]), (image[:, 1:], image[1:]))
+    ]
+    multiple = differences % 3 == 0
+    edges = {"3": differences == 3, "multiples of 3": multiple, "others": ~multiple & (differences > 1)}
+    return {name: float(np.corrcoef(*(end[chosen] for end in ends))[0, 1]) for name, chosen in edges.items()}
 
 
 def _all_differences(positions: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -143,7 +157,9 @@ def _claims(measured: dict) -> Claims:
         "many neighbours differ by 3 on the Hilbert curve: no other difference above 1 is as frequent": (
             next(iter(measured["Hilbert"][FREQUENT])) == "3"
         ),
-        "Hilbert and Moore have more multiples of 3 than a third": {
-            name: measured[name][MULTIPLES]["3"] > 1 / 3 for name in binary
+        "phi_3 correlates across multiples of 3, more than a third of the differences": {
+            name: measured[name][MULTIPLES]["3"] > 1 / 3 and measured[name][ACROSS]["multiples of 3"] > 0.5
+            for name in binary
         },
+        "phi_3 correlates where positions differ by 3: above 0.5": measured["Hilbert"][ACROSS]["3"] > 0.5,
     }

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from tables import first, is_net, pixels, points_of, reflected, refuses
 
+import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, sequences
 
@@ -94,6 +95,22 @@ def test_doubling_iterations_are_nets():
         assert is_net(words(sampler, *pixels(8, 8, before + count)), 6 + (before + count).bit_length() - 1)
     together = words(sampler, *pixels(8, 8, 4)).reshape(64, 4, 2)
     assert not any(is_net(pixel, 2) for pixel in together)
+
+
+@pytest.mark.filterwarnings("ignore:component")
+@pytest.mark.parametrize(
+    ("sequence", "less"),
+    [(sequences.owen(SOBOL, key), True) for key in range(4)]
+    + [(sequences.components(HALTON, (1, 2)), False)],
+)
+def test_doubling_makes_the_samples_of_a_pixel_more_uniform(sequence, less):
+    """Than iterations of 2 samples, unless bases are co-prime to the curve: mean discrepancies."""
+    found = []
+    for doubling in (True, False):
+        sampler = samplers.segments(orders.hilbert(8, 8), sequence, 2, doubling=doubling)
+        points = np.asarray(points_of(sampler, *pixels(8, 8, 16))).reshape(64, 16, -1)
+        found.append(np.mean([analysis.l2_star_discrepancy(pixel) for pixel in points[::4]]))
+    assert found[0] < 0.6 * found[1] if less else found[0] > 1.1 * found[1]
 
 
 def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():

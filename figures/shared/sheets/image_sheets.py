@@ -70,7 +70,7 @@ def beside(title: str, large: Panel, rows: Sequence[Sequence[Panel | None]]) -> 
     figure, places = _sheet(title, rows, max(map(len, rows)), LARGE + 2 * GAP, 0, 0, PAGE)
     (_, _, top, height), (_, _, bottom, _) = places[0], places[-1]
     side = _zoom(large.image, LARGE) * len(large.image)
-    _place(figure, large, 2 * GAP, (top + height + bottom + side) // 2, LARGE)
+    place_panel(figure, large, 2 * GAP, (top + height + bottom + side) // 2, LARGE)
     return figure
 
 
@@ -92,8 +92,11 @@ class Row(NamedTuple):
     marked: tuple[int, int, int] | None = None
 
 
-def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE) -> Figure:
-    """Show rows of images by their labels over a width in inches, below the names of columns."""
+def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE, room: int = 0) -> Figure:
+    """Show rows of images by their labels over a width in inches, below the names of columns.
+
+    ``room``: pixels that are left free on their right.
+    """
     heads = list(dict.fromkeys(name for row in rows.values() for name in row.images))
     named: set[str] = set()
     table: list[list[Panel | None]] = []
@@ -106,8 +109,9 @@ def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE) -> Fig
             image = row.images.get(name)
             cells.append(None if image is None else Panel(caption, image, row.limits, marked=row.marked))
         table.append(cells)
-    beside = any(row.shades and heads[-1] in row.images for row in rows.values())
-    figure, places = _sheet(title, table, len(heads), LABEL, KEY * beside, 0, width)
+    if any(row.shades and heads[-1] in row.images for row in rows.values()):
+        room += KEY
+    figure, places = _sheet(title, table, len(heads), LABEL, room, 0, width)
     across, down = figure.get_size_inches() * DPI
     for (label, row), (left, right, bottom, size) in zip(rows.items(), places, strict=True):
         x, y = (left - 16) / across, (bottom + size / 2) / down
@@ -145,7 +149,7 @@ def _sheet(
         for column, panel in enumerate(row):
             if panel is not None:
                 spare = (cell - GAP - _zoom(panel.image, size) * len(panel.image)) // 2
-                _place(figure, panel, left + column * cell + spare, bottom + side, size)
+                place_panel(figure, panel, left + column * cell + spare, bottom + side, size)
         places.append((left, left + len(row) * cell, bottom, side))
         bottom -= GAP
     return figure, places
@@ -155,7 +159,8 @@ def _zoom(image: NDArray, size: int) -> int:
     return max(1, size // len(image))
 
 
-def _place(figure: Figure, panel: Panel, left: int, top: int, size: int) -> None:
+def place_panel(figure: Figure, panel: Panel, left: int, top: int, size: int) -> None:
+    """Draw an image below a height in pixels, at the largest zoom at which it is no wider than ``size``."""
     side, zoom = len(panel.image), _zoom(panel.image, size)
     look = {"limits": panel.limits, "transfer": panel.transfer}
     axes = plot.place(figure, panel.image, left, top - zoom * side, zoom, **look)

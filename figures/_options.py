@@ -57,8 +57,8 @@ wrong usage, 130 after Ctrl-C.
     parser.add_argument(
         "names", nargs="*", metavar="name", help="figures to make (default: all of the papers)"
     )
-    parser.add_argument("--all", action="store_true", help="make our own figures, too")
-    parser.add_argument("--list", action="store_true", help="show the figures' names and titles and end")
+    parser.add_argument("--all", action="store_true", help="also make our own figures")
+    parser.add_argument("--list", action="store_true", help="list the names and titles of the figures")
     parser.add_argument(
         "--out", type=_folder, default=Path("out"), metavar="DIR", help="output folder (default: out)"
     )
@@ -73,7 +73,7 @@ wrong usage, 130 after Ctrl-C.
         "--jobs",
         type=count,
         metavar="N",
-        help="figures made at a time (default: 2); in paper quality those that measure time run alone",
+        help="how many figures to make at a time (default: 2); in paper quality, timed ones run alone",
     )
     parser.add_argument(
         "--no-cache", action="store_true", help="compile all programs again, and keep none for the next run"
@@ -98,25 +98,28 @@ wrong usage, 130 after Ctrl-C.
     several.add_argument(
         "--distributed",
         action="store_true",
-        help="as SLURM, Open MPI, Kubernetes or Cloud TPU have started it",
+        help="started by SLURM, Open MPI, Kubernetes or Cloud TPU",
     )
     several.add_argument(
-        "--coordinator", type=_address, metavar="HOST:PORT", help="where process 0 is, by hand; any free port"
+        "--coordinator",
+        type=_address,
+        metavar="HOST:PORT",
+        help="by hand: the address of process 0",
     )
     several.add_argument(
-        "--processes", type=count, metavar="N", help="with --coordinator: how many there are"
+        "--processes", type=count, metavar="N", help="with --coordinator: the number of processes"
     )
     several.add_argument(
         "--process-id",
         type=partial(count, least=0),
         metavar="K",
-        help="with --coordinator: this one, 0 to N-1",
+        help="with --coordinator: the number of this process, 0 to N-1",
     )
     return parser
 
 
 def check_job(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """End with a message unless the options of a job belong together."""
+    """Exit with a message if the options of a job contradict each other."""
     by_hand = {
         "--coordinator": options.coordinator,
         "--processes": options.processes,

@@ -81,16 +81,14 @@ example:
   qmcjax export my_module:mine --language glsl --out mine.glsl
 """,
     )
-    parser.add_argument("object", metavar="module:name", help="the object, or what makes it")
+    parser.add_argument("object", metavar="module:name", help="the object, or a function that makes it")
     parser.add_argument("--language", choices=languages, help="(default: by the suffix of FILE)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="the file to write")
-    parser.add_argument("--dims", type=_dims, metavar="J,J,...", help="wanted coordinates (default: all)")
-    parser.add_argument(
-        "--name", default="mine", metavar="NAME", help="with what all names begin (default: mine)"
-    )
+    parser.add_argument("--dims", type=_dims, metavar="J,J,...", help="coordinates to return (default: all)")
+    parser.add_argument("--name", default="mine", metavar="NAME", help="prefix of all names (default: mine)")
     for name, what in (("width", "columns"), ("height", "rows"), ("spp", "samples per pixel")):
         parser.add_argument(f"--{name}", type=int, metavar="N", help=f"{what}, checked against the sampler's")
-    parser.add_argument("--key", type=int, default=0, metavar="N", help="for the function (default: 0)")
+    parser.add_argument("--key", type=int, default=0, metavar="N", help="key for the function (default: 0)")
     return parser
 
 

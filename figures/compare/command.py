@@ -143,8 +143,8 @@ examples:
 """,
     )
     add = parser.add_argument
-    add("entries", nargs="*", metavar="ENTRY", help="what is compared with the others")
-    add("--program", action="append", default=[], metavar="COMMAND", help="an entry that is a program")
+    add("entries", nargs="*", metavar="ENTRY", help="your entries")
+    add("--program", action="append", default=[], metavar="COMMAND", help="a program as an entry")
     default = f"the others, beside random (default: {' '.join(AGAINST)})"
     add("--against", nargs="+", metavar="ENTRY", help=default)
     where = f"(default, but with --integrands and --mitsuba: {' '.join(WHERE)})"
@@ -155,12 +155,18 @@ examples:
         const=0,
         type=count,
         metavar="SEED",
-        help="integrands of five classes in 2, 4 and 8 dimensions; with a seed others than the public ones",
+        help="integrands of five classes in 2, 4 and 8 dimensions; a seed draws others than the public ones",
     )
     add("--mitsuba", nargs="+", type=Path, default=[], metavar="FILE", help="scenes of Mitsuba 3 in XML")
     add("--spp", type=_counts, default=[1, 4, 16, 64], metavar="N,N,...", help="samples per pixel")
     add("--size", type=count, default=128, metavar="N", help="side of images (default: 128)")
-    add("--keys", type=count, default=8, metavar="N", help="images of each (default: 8)")
+    add(
+        "--keys",
+        type=count,
+        default=8,
+        metavar="N",
+        help="images with different keys (default: 8)",
+    )
     folder = Path("out/compare")
     add("--out", type=Path, default=folder, metavar="DIR", help=f"folder (default: {folder})")
     return parser

@@ -372,7 +372,7 @@ OBJECTS = {
     "warp.simplex": (lambda: warps.simplex(2), "__call__ inverse density"),
     "warp.discrete": (lambda: warps.discrete([1, 0, 3]), "__call__ inverse density"),
     "scrambling": (lambda: orders.scrambled_morton(4, 4, 1), "scrambled"),
-    "z": (lambda: samplers.z(4, 4, 4, 1, frames=4), "extended adaptive at_frame"),
+    "z": (lambda: samplers.z(4, 4, 4, 1, frames=4), "extended adaptive at_frame split"),
     "frames.order": (lambda: orders.morton3(4, 4, 4, 1), "position pixel at_frame"),
     "frames.curve": (lambda: orders.hilbert3(4, 4, 4), "position pixel at_frame"),
     "frames.sequence": (lambda: sequences.in_time(nouns()["sequence"]), "at_frame"),

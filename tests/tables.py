@@ -332,6 +332,7 @@ SAMPLERS = Table(
         "z, tree": lambda: samplers.z(
             SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)
         ),
+        "split": lambda: samplers.z(SIDE, SIDE, SPP // 2, key=3, dims=3).split((1, 2), 2),
         "z, plain, counts": lambda: samplers.z(SIDE, SIDE, SPP, None, "plain").adaptive(
             [[SPP] * SIDE] * SIDE
         ),

@@ -45,6 +45,10 @@ class OptimizedOrder(SquareOrder):
         others = draws.bits(key, (count - 1, 4), jnp.uint32)
         return replace(self, words=jnp.concatenate([self.words[None], others]))
 
+    def for_count(self, spp: int) -> "OptimizedOrder":
+        """Return the order for another number of samples per pixel, with the same words."""
+        return replace(self, positions=jnp.asarray(_positions(_table(spp))))
+
     def member(self, number: int) -> "OptimizedOrder":
         """Return one order of a :meth:`family`; member 0 is the original order."""
         turned = self.words[0, 0] + np.uint32(number)
@@ -125,6 +129,11 @@ def _permutations() -> NDArray[np.uint8]:
     return tables.arrays("orders", "optimized.npz", "permutations")[0]
 
 
+def _table(spp: int) -> int:
+    """Return the number of the permutations for a number of samples."""
+    return min(spp.bit_length(), len(_permutations())) - 1
+
+
 @cache
 def _positions(number: int) -> NDArray[np.uint16]:
     """Return the positions of the pixels of a tile, from the digits of all squares around them."""
@@ -178,5 +187,4 @@ def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedO
     width, height = checks.image_size(width, height)
     spp = checks.power_of_two("spp", spp, MAX_COUNT)
     words = draws.bits(checks.prng_key("key", key), (4,), jnp.uint32)
-    positions = _positions(min(spp.bit_length(), len(_permutations())) - 1)
-    return OptimizedOrder(width, height, jnp.asarray(positions), words)
+    return OptimizedOrder(width, height, jnp.asarray(_positions(_table(spp))), words)

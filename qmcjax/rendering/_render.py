@@ -1,7 +1,7 @@
 """Rendering an image from a scene and a sampler."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -17,6 +17,7 @@ from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
+from qmcjax.rendering._split import split_task
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, open_checkpoint, refuse, task
 
 
@@ -27,6 +28,7 @@ def render(
     height: int,
     spp: int,
     *,
+    split: Mapping[str, int] | None = None,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
     checkpoint: str | os.PathLike | Checkpoint | None = None,
@@ -46,6 +48,11 @@ def render(
         ``len(scene.needs)`` dimensions.
     width, height : int, in [1, 65536]
     spp : int, samples per pixel, at least 1 and at most as many as the sampler has
+    split : mapping from names to int, optional
+        How many sub-samples each sample has in the named dimensions, by ``sampler.split``: with ``{"light":
+        4}``, four each in ``light``, ``light_u`` and ``light_v``, for one camera ray. Ray-traced scenes
+        evaluate what does not depend on these once, others the whole scene. A second name splits each
+        sub-sample of the first.
     dtype : float32 or float64
         Dtype of points, values and sums. Sums are compensated: they are as accurate as the values.
     progress : callable, optional
@@ -81,6 +88,8 @@ def render(
     (64, 64)
     """
     wanted = task(scene, sampler, width, height, spp, dtype)
+    if split is not None:
+        wanted = split_task(wanted, split)
     check_progress(progress, wanted)
     mesh = devices.validate_mesh(mesh)
     return render_task(wanted, mesh, progress, open_checkpoint(checkpoint, "render", wanted, mesh))

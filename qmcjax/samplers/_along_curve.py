@@ -16,7 +16,7 @@ from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
-from qmcjax.samplers._base import AlongCurve
+from qmcjax.samplers._base import AlongCurve, limit_finer
 from qmcjax.sequences import BinarySequence, InTime, Sequence, as_sequence
 
 Index = tuple[Array, Array]
@@ -50,6 +50,12 @@ def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DT
         return beyond  # Exact in both ways.
     # Division by a long divisor rounds more often and differs in the last place.
     return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)
+
+
+def finer_spp(sampler: Any, count: int, indices: int) -> int:
+    """Return ``count`` times the samples of a pixel's block, if there are so many indices."""
+    most = min(indices // (sampler.order.length * sampler.spp), (checks.INDEX_LIMIT - 1) // sampler.spp)
+    return sampler.spp * limit_finer(count, most, f"for {indices} indices and spp={sampler.spp}")
 
 
 class Strided(AlongCurve):
@@ -104,6 +110,9 @@ class Contiguous(AlongCurve):
     @property
     def _has_64_bits(self) -> bool:
         return needed(self.order.length * self.spp, self.sequence)
+
+    def finer(self, count: int) -> "Contiguous":
+        return replace(self, spp=finer_spp(self, count, self.sequence.limit_64))
 
     def at_frame(self, frame: Array | int) -> "Contiguous":
         """Return the sampler of another frame of an animation, without recompilation.
@@ -217,6 +226,9 @@ class Segments(Strided):
             return rounds * spp, jnp.full_like(sample, spp)
         power = spp << (np.uint32(31) - jax.lax.clz(rounds | np.uint32(1)))
         return jnp.where(rounds == 0, np.uint32(0), power), power
+
+    def finer(self, count: int) -> "Segments":
+        return replace(self, spp=finer_spp(self, count, self._limit))
 
     @property
     def _limited(self) -> str:

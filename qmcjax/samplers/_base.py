@@ -144,6 +144,74 @@ class Sampler(abc.ABC):
         """
         return self
 
+    def finer(self, count: int) -> "Sampler":
+        """Return the same kind of sampler with ``count`` times as many samples per pixel, for :meth:`split`.
+
+        Parameters
+        ----------
+        count : int, at least 1
+
+        Returns
+        -------
+        Sampler
+            ``self`` by default, for samplers without a fixed number of samples; others override it.
+
+        Raises
+        ------
+        ValueError
+            If there is none for this count.
+        """
+        return self
+
+    def split(self, dims: tuple[int, ...], count: int) -> "Sampler":
+        """Return a sampler with several sub-samples in some coordinates for each sample of the others.
+
+        Paths that split, as from one camera ray to several points of a light, save the rays before [1]_. All
+        sub-samples of a sample, a pixel, and neighbouring pixels are one set of points: those of the same
+        kind of sampler for ``count`` times as many samples per pixel.
+
+        Parameters
+        ----------
+        dims : tuple of int
+            The coordinates to split, static; keep those that belong together, such as pairs, together.
+        count : int
+            Sub-samples of a sample, at least 1: a power of two for :func:`z`, :func:`optimized` and
+            :func:`designed`, any number for others, within the limits of the sequence.
+
+        Returns
+        -------
+        Sampler
+            Sample ``s * count + k`` is sub-sample k of sample s: coordinates in ``dims`` are those of sample
+            ``s * count + k`` of the finer sampler, the others are, to the bit, those of sample s of this one.
+            It can be split again. :func:`qmcjax.render` splits by names and evaluates what is shared once.
+
+        Raises
+        ------
+        ValueError
+            If there is no such sampler for this count, such as for a net over the whole screen, or for tiles
+            other than those of :func:`designed` for up to 16 samples.
+
+        Notes
+        -----
+        Each sample is as uniform over keys as without splitting. In two-dimensional nets, the ``2**k``
+        sub-samples of each sample are a net, too; for :func:`z` only if it has a power of four as spp.
+
+        References
+        ----------
+        .. [1] A. Ahmed, P. Wonka, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via
+           Hierarchical Ordering of Pixels", 2020, Sect. 4.4.
+
+        Examples
+        --------
+        >>> from qmcjax import samplers
+        >>> sampler = samplers.z(8, 8, spp=1, key=1, dims=4)
+        >>> print(sampler.split((2, 3), 4)(3, 5, 2, dims=(0, 1)) == sampler(3, 5, 0))
+        [ True  True]
+        """
+        from qmcjax.samplers._split import split  # Its result is a sampler.
+
+        return split(self, dims, count)
+
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless the sampler supports this image size and number of samples.
 
@@ -310,3 +378,25 @@ def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: 
             f"coordinates, got {what}"
         )
     return points
+
+
+def joined(parts: list[Array], order: tuple[int, ...], dims: tuple[int, ...]) -> Array:
+    """Return coordinates side by side, as ``dims``, from parts that have them in another order."""
+    whole = parts[0] if len(parts) == 1 else jnp.concatenate(parts, axis=-1)
+    return whole if order == dims else whole[..., np.array([order.index(j) for j in dims])]
+
+
+def validate_finer(sampler: Any, count: int, most: int) -> int:
+    """Return ``count`` times the samples of a sampler that has powers of two, up to ``most``."""
+    if count & (count - 1) or count * sampler.spp > most:
+        raise ValueError(
+            f"count must be a power of two, at most {most // sampler.spp} for spp={sampler.spp}, got {count}"
+        )
+    return count * sampler.spp
+
+
+def limit_finer(count: int, most: int, reason: str) -> int:
+    """Return ``count``, or raise a ValueError with the reason if it is larger."""
+    if count > most:
+        raise ValueError(f"count must be at most {most} {reason}, got {count}")
+    return count

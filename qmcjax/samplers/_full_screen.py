@@ -20,7 +20,7 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import ForImage
+from qmcjax.samplers._base import ForImage, limit_finer
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 
@@ -180,6 +180,11 @@ class FullScreen(ForImage):
         # has full precision at any resolution.
         words = [self.net.word(index, j) << (self.log_side if j < 2 else 0) for j in dims]
         return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+
+    def finer(self, count: int) -> "FullScreen":
+        if self.net.size is not None:
+            limit_finer(count, 1, f"for a net, which has {self.spp} points in each pixel")
+        return self
 
     def _check_count(self, spp: int, limit: int | None = None) -> None:
         if self.net.size is None:

@@ -1,7 +1,7 @@
 """The same sequence in every pixel, randomised independently, or interleaved over tiles."""
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import InEveryPixel, Sampler
+from qmcjax.samplers._base import InEveryPixel, Sampler, joined, limit_finer
 from qmcjax.samplers._of_functions import as_sampler
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 
@@ -139,9 +139,12 @@ class Interleaved(Sampler):
             parts.append(self.positions.points(of_positions, sample, own, dtype))
         if shared:
             parts.append(self.sequence.coordinates(first + sample, shared, dtype))
-        joined = jnp.concatenate(parts, axis=-1)
-        order = [*own, *(j + self._on_screen for j in shared)]
-        return joined if order == list(dims) else joined[..., np.array([order.index(j) for j in dims])]
+        return joined(parts, (*own, *(j + self._on_screen for j in shared)), dims)
+
+    def finer(self, count: int) -> "Interleaved":
+        most = self.sequence.limit // (self.tile**2 * self.spp)
+        spp = self.spp * limit_finer(count, most, "for the sequence in all pixels of a tile")
+        return replace(self, spp=spp, positions=self.positions and self.positions.finer(count))
 
     def check(self, width: int, height: int, spp: int) -> None:
         if self.positions is not None:

@@ -1,7 +1,7 @@
 """User-defined samplers: objects with a sampler's methods, functions of pixel and sample, or of a key."""
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jax
@@ -15,7 +15,7 @@ from qmcjax.core.bits import below_one
 from qmcjax.core.jax_internals import alike
 from qmcjax.core.plug_ins import parameters, unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import OfDims, Sampler
+from qmcjax.samplers._base import OfDims, Sampler, limit_finer
 
 MAX_DIMS = 2**16
 
@@ -142,6 +142,17 @@ def _positional(value: Any) -> int:
     return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in known)
 
 
+@dataclass(frozen=True)
+class _Finer:
+    """The finer samplers of keys; equal ones compile once."""
+
+    sampler_of_key: Callable[[Array], Any]
+    count: int
+
+    def __call__(self, key: Array) -> Sampler:
+        return as_sampler("sampler_of_key(key)", self.sampler_of_key(key)).finer(self.count)
+
+
 @frozen_pytree
 class Randomized(OfDims):
     """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
@@ -177,6 +188,11 @@ class Randomized(OfDims):
         with checks.precision(dtype):
             empty, *_ = alike((jnp.zeros((*x.shape, len(dims)), dtype), self, x, y, number))
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
+
+    def finer(self, count: int) -> "Randomized":
+        most = (checks.INDEX_LIMIT - 1) // self.spp
+        spp = self.spp * limit_finer(count, most, f"for spp={self.spp}")
+        return replace(self, sampler_of_key=_Finer(self.sampler_of_key, count), spp=spp)
 
     def check(self, width: int, height: int, spp: int) -> None:
         super().check(width, height, spp)

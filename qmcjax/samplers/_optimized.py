@@ -17,7 +17,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._along_curve import Contiguous, needed
-from qmcjax.samplers._base import ForImage, OfDims
+from qmcjax.samplers._base import ForImage, OfDims, validate_finer
 from qmcjax.samplers._z_index import append
 from qmcjax.sequences import (
     BinarySequence,
@@ -129,6 +129,17 @@ class Joint(Contiguous):
         columns, rows = self._lines(width, height, dims)
         return jax.tree.map(lambda column, row: column[None, :] ^ row[:, None], columns, rows)
 
+    def finer(self, count: int) -> "Joint":
+        spp = validate_finer(self, count, min(MAX_SPP, self.sequence.limit_64 // self.order.length))
+        moving = self.sequence if isinstance(self.sequence, InTime) else None
+        scrambled: Any = self.sequence if moving is None else moving.sequence
+        scrambled = replace(
+            scrambled, sequence=_searched(self.order.length, spp, self.dims, moving is not None)
+        )
+        if moving is None:
+            return replace(self, sequence=scrambled, spp=spp)
+        return replace(self, sequence=replace(_in_time(scrambled, spp), frame=moving.frame), spp=spp)
+
     def _lines(self, width: int, height: int, dims: tuple[int, ...]) -> tuple[Any, Any]:
         x, y = jnp.arange(width, dtype=jnp.uint32), jnp.arange(height, dtype=jnp.uint32)
         first = super().prepare
@@ -137,9 +148,15 @@ class Joint(Contiguous):
 
 def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:
     """Sample all coordinates with one Owen-scrambled sequence, as :func:`optimized` describes."""
-    order, digits = orders.morton(width, height), spp.bit_length() - 1
+    order = orders.morton(width, height)
+    scrambled: Any = owen(_searched(order.length, spp, dims, moving), key)
+    return Joint(order, _in_time(scrambled, spp) if moving else scrambled, spp)
+
+
+def _searched(pixels: int, spp: int, dims: int, moving: bool) -> Digital:
+    """Return the sequence, reordered by the tables for a number of samples."""
     # Coordinates of the Niederreiter-Xing sequence are not nets with t = 0, as windows of frames require.
-    if dims <= SMALL_DIMS and order.length * spp <= 2**32 and not moving:
+    if dims <= SMALL_DIMS and pixels * spp <= 2**32 and not moving:
         make, searched, tables = niederreiter_xing, SMALL_DIMS, _tables(SMALL_DIMS)
     elif moving and dims <= SMALL_DIMS:
         make, searched, tables = sobol, SMALL_DIMS, _moving()[0]
@@ -147,17 +164,15 @@ def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving
         make, searched, tables = sobol, 2 * SMALL_DIMS, _tables(2 * SMALL_DIMS)
     with jax.ensure_compile_time_eval():
         matrices = np.asarray(make(searched).matrices)
-    bits = index_bits(tables, digits, matrices)
-    scrambled: Any = owen(_reordered(make(dims), bits), key)
-    return Joint(order, _in_time(scrambled, digits) if moving else scrambled, spp)
+    return _reordered(make(dims), index_bits(tables, spp.bit_length() - 1, matrices))
 
 
-def _in_time(sequence: Any, digits: int) -> InTime:
+def _in_time(sequence: Any, spp: int) -> InTime:
     """Return a sequence that moves in time, in few dimensions by searched matrices of frames."""
     moved, (_, frames) = in_time(sequence), _moving()
     if sequence.dims > SMALL_DIMS:
         return moved
-    searched = frames[min(digits, max(frames))]
+    searched = frames[min(spp.bit_length() - 1, max(frames))]
     others = sobol(SMALL_DIMS).matrices[np.array(_TIMES), searched.shape[1] :]
     times = jnp.concatenate([jnp.asarray(searched), others], axis=1)[: sequence.dims]
     return replace(moved, times=digital(times))
@@ -211,6 +226,10 @@ class Optimized(ForImage, OfDims):
             )
         return replace(self, frame=checks.frame(frame))
 
+    def finer(self, count: int) -> "Optimized":
+        spp = validate_finer(self, count, MAX_SPP)
+        return replace(self, order=self.order.for_count(spp), ranks=_ranks_for(spp), spp=spp)
+
     def _shuffled(self, sample: Array, seed: Array) -> Array:
         """Permute the numbers of samples with nested permutations that keep 0, so the first 2**k stay first.
 
@@ -231,6 +250,10 @@ class Optimized(ForImage, OfDims):
         if needed(self.order.length * self.spp, sequence):
             sequence = sequence.with_high_word(high)
         return jnp.stack([sequence.coordinate(low, j, dtype) for j in dims], axis=-1)
+
+
+def _ranks_for(spp: int) -> Array:
+    return jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1])
 
 
 @cache
@@ -320,7 +343,7 @@ def optimized(
         width,
         height,
         orders.optimized(width, height, spp, of_order),
-        jnp.asarray(_ranks()[min(spp.bit_length(), len(_ranks())) - 1]),
+        _ranks_for(spp),
         draws.bits(of_seeds, (1, 3), jnp.uint32)[0],
         spp,
         None if frames is None else checks.frame(0),

@@ -23,6 +23,9 @@ _SEEDS = 8
 
 MAX_SPP = 2**16
 
+_MOST_DESIGNED = 16
+"""Most samples of a designed tile."""
+
 _PASCAL = ((2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 """Pascal's triangle modulo 2 on pairs of bits, in steps: any i consecutive rows are independent."""
 
@@ -39,6 +42,8 @@ class Tiled(OfDims):
     """uint32: the number of the frame."""
     spp: int = field(metadata={"static": True})
     """Number of samples per pixel."""
+    family: str | None = field(default=None, metadata={"static": True})
+    """The designed tiles for other numbers of samples, if there are any."""
 
     @property
     def limits(self) -> tuple[int, int, int]:
@@ -52,6 +57,15 @@ class Tiled(OfDims):
         frame : int, or integer Array of shape (), in [0, 2**32)
         """
         return replace(self, frame=checks.frame(frame))
+
+    def finer(self, count: int) -> "Tiled":
+        spp = self.spp * count
+        if count > 1 and (self.family is None or spp > _MOST_DESIGNED or count & (count - 1)):
+            of = "no other tile" if self.family is None else f"tiles for powers of two up to {_MOST_DESIGNED}"
+            raise ValueError(
+                f"count must be 1, or lead to a tile: there is {of} for spp={self.spp}, got {count}"
+            )
+        return self if count == 1 else replace(self, tile=_designed_words(str(self.family), spp), spp=spp)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         hashed = hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
@@ -260,11 +274,17 @@ def designed(
     checks.image_size(width, height)
     spp, dims = checks.power_of_two("spp", spp, MAX_SPP), checks.integer("dims", dims, 1, 2**16)
     progressive = checks.flag("progressive", progressive)
-    name = f"{2 if dims <= 2 else 4}d_{'progressive' if progressive else min(spp, 16)}"
+    family = f"{2 if dims <= 2 else 4}d_{'progressive' if progressive else ''}"
     if frames is not None:
         checks.integer("frames", frames, 1, checks.INDEX_LIMIT)
         if progressive:
             raise ValueError("progressive must be False for frames, got True")
-        name = "frames"
+        (words,) = tables.arrays("samplers", "designed.npz", "frames")
+        return of_words(words[:, :, :, :spp], dims, spp, key)
+    return replace(of_words(_designed_words(family, spp), dims, spp, key), family=family)
+
+
+def _designed_words(family: str, spp: int) -> NDArray[np.uint16]:
+    name = family if family.endswith("progressive") else f"{family}{min(spp, _MOST_DESIGNED)}"
     (words,) = tables.arrays("samplers", "designed.npz", name)
-    return of_words(words[:, :, :, :spp], dims, spp, key)
+    return words[:, :, :, :spp]

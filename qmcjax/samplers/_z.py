@@ -4,16 +4,13 @@ from jax import Array
 
 from qmcjax.core import checks, draws
 from qmcjax.orders import VARIANTS, ScrambledMorton, log_side, scrambled_morton
-from qmcjax.samplers._z_blocks import Z
+from qmcjax.samplers._z_blocks import MAX_SPP, Z
 from qmcjax.samplers._z_index import of_key
 from qmcjax.sequences import BinarySequence, as_binary, sobol
 
 PLAIN = "plain"
 
 MAX_DIMS = 2**16
-
-MAX_SPP = 2**31
-"""Most samples per pixel: shifts of 32-bit words allow no more."""
 
 
 def z(

@@ -14,9 +14,12 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import ScrambledMorton, morton
 from qmcjax.samplers._along_curve import Index, needed
-from qmcjax.samplers._base import ForImage, OnRaster
+from qmcjax.samplers._base import ForImage, OnRaster, validate_finer
 from qmcjax.samplers._z_index import Frames, Number, append, at_frame, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
+
+MAX_SPP = 2**31
+"""Most samples per pixel: shifts of 32-bit words allow no more."""
 
 
 @frozen_pytree
@@ -115,6 +118,13 @@ class Z(ForImage):
         frame : int, or integer Array of shape (), in [0, 2**32)
         """
         return replace(self, frames=at_frame(self.frames, frame))
+
+    def finer(self, count: int) -> "Z":
+        limit = (
+            self.sequence.limit_64 if len(self.constituents) == 1 else checks.INDEX_LIMIT * 4**self.log_side
+        )
+        most = min(MAX_SPP // self.rounds, limit // 4**self.log_side)
+        return replace(self, spp=validate_finer(self, count, most))
 
     @property
     def _places(self) -> list[tuple[int, int]]:
@@ -230,6 +240,9 @@ class AdaptiveZ(OnRaster):
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         of_sampler, log_count = state
         return self.sampler.numbered(of_sampler, Number(sample), dims, dtype, log_count)
+
+    def finer(self, count: int) -> "AdaptiveZ":
+        return AdaptiveZ(self.sampler.finer(count), self.log_counts + np.uint32(count.bit_length() - 1))
 
     @property
     def _counts(self) -> Array:

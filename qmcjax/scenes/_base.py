@@ -33,6 +33,9 @@ class Scene(Protocol):
     - ``boundary(u)``, the edges where the value jumps; see :func:`qmcjax.boundary_gradient`.
     - ``unrolled``, an int: the maximum number of samples evaluated together in one program. It is 1 for
       scenes with a long program.
+    - ``of_coordinates(coordinates)``, the values of shape (n,) or (n, 3) at points whose coordinates are
+      separate: a dict of Arrays of shape (n,) by name. Splitting by :func:`qmcjax.render` maps it over some
+      of them, and evaluates what depends on the others only once.
     - ``reference_gradient(width, height)``, the exact derivatives of the pixel means with respect to the
       parameters, as :func:`qmcjax.boundary_gradient` returns them but in float64, and a bound on their
       errors.

@@ -12,7 +12,7 @@ from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import ExactScene
 
-_OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled")
+_OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled", "of_coordinates")
 """Optional attributes of a scene; see `Scene`."""
 
 

@@ -85,6 +85,7 @@ LAWS = {
     "z": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, dims=3)),
     "z, tree": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree")),
     "z, frames": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, frames=8).at_frame(5)),
+    "split": (EXACT, lambda key: samplers.contiguous(hilbert(), owen(3, key), SPP // 2).split((1, 2), 2)),
     "z, joint": (EXACT, lambda key: samplers.z(SIDE, SIDE, SPP, key, sequence=owen(3, key))),
 }
 """By sampler: how each sample is uniform on its own, the first one, too; a maker. All together they are."""

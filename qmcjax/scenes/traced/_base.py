@@ -35,7 +35,7 @@ class Traced:
 
     def __getattr__(self, name: str) -> Any:
         # The scene has an optional attribute only if its estimator has it; see `Scene`.
-        if name not in ("varies", "unrolled"):
+        if name not in ("varies", "unrolled", "of_coordinates"):
             raise AttributeError(name)
         return getattr(self.estimator, name)
 

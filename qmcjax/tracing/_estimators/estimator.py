@@ -50,16 +50,19 @@ class Estimator(ABC):
         """Return radiance, linear RGB, shape (..., 3), at points of shape (..., len(needs))."""
         needs = self.needs
         point = floats("point", point, (len(needs),))
-        coordinates = by_name(point, needs)
+        return self.of_coordinates(by_name(point, needs)).reshape(*point.shape[:-1], 3)
+
+    def of_coordinates(self, coordinates: Coordinates) -> Array:
+        """Return radiance, shape (n, 3), from separate coordinates: mapped over some, others count once."""
+        x = coordinates["x"]
         world, camera = self.guarded()
-        world = in_dtype(world, point.dtype)
-        time = coordinates.get("time", jnp.zeros_like(coordinates["x"]))
-        time = camera.times(time)
-        if camera.still or "time" not in needs:
-            world = freeze(world, camera, point)
+        world = in_dtype(world, x.dtype)
+        time = camera.times(coordinates.get("time", jnp.zeros_like(x)))
+        if camera.still or "time" not in coordinates:
+            world = freeze(world, camera, x)
         lens = tuple(coordinates[name] for name in camera.lens)
-        sight = camera.rays(coordinates["x"], coordinates["y"], time, lens)
-        return stacked(self.radiance(world, sight, coordinates)).reshape(*point.shape[:-1], 3)
+        sight = camera.rays(x, coordinates["y"], time, lens)
+        return stacked(self.radiance(world, sight, coordinates))
 
     def varies(self, low: Array, high: Array) -> Array:
         """Return the coordinates that may matter between opposite corners of boxes of points.

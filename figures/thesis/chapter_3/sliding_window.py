@@ -24,7 +24,7 @@ SIDE = 128
 PLACES = 2
 """Points of a pixel in each direction, at which coverage in time is computed."""
 CHECKED = 400
-TIMES = {"draft": 6, "paper": 8}
+TIMES = {"draft": 5, "paper": 8}
 """Binary logarithm of the largest number of times."""
 
 OPEN = np.array([[0.12, 0.85], [0.2, 0.25]])

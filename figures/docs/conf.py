@@ -3,8 +3,14 @@
 import shutil
 from pathlib import Path
 
-import qmcjax
-from figures.docs import inventories, reference_pages
+from figures.making import compiled_programs
+
+# Before JAX is imported: compiling takes most of the time of a build.
+compiled_programs.quickly()
+compiled_programs.keep(print)
+
+import qmcjax  # noqa: E402
+from figures.docs import inventories, reference_pages  # noqa: E402
 
 # What was generated for names that are no longer there would be read again.
 shutil.rmtree(Path(__file__).parent / "reference" / "generated", ignore_errors=True)

@@ -29,6 +29,14 @@ def test_the_error_of_interpolation_is_that_of_disjoint_gaussians(monkeypatch):
     assert rms(found - exact) / rms(exact) == pytest.approx(np.sqrt(1.5), rel=5e-3)
 
 
+@pytest.mark.parametrize("flow", eulerian.FLOWS)
+def test_at_the_frames_interpolation_is_exact_but_for_the_grid(flow):
+    for time in (0.0, 1.0):
+        exact = eulerian.density(PUFF, eulerian.trace_back(flow, POINTS, time))
+        found = eulerian.estimates(flow, PUFF, 256, POINTS, time)["interpolated"]
+        assert abs(found - exact).max() < 0.01
+
+
 def test_advection_along_a_shear_is_exact_but_for_the_grid():
     """Nothing accelerates: only the curvature of density and velocity between cells is lost, order 2."""
     errors = []

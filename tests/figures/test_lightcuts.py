@@ -38,6 +38,8 @@ def leaves_of(scene):
 def test_a_cut_is_a_valid_partition(scene):
     """Each pair of points that exist at a common instant is in exactly one cluster."""
     gathers_below, lights_below = leaves_of(scene)
+    moving = LAMPS // 2
+    assert (scene.lights.children[:, 0] < 0).sum() == LAMPS - moving + lightcuts.INSTANTS * moving
     found = lightcuts.cut(scene, 0.05, 1)
     assert 10 < len(found.pairs.pixel) / SIDE**2 < 0.3 * lightcuts.INSTANTS * LAMPS
     for pixel in range(SIDE**2):

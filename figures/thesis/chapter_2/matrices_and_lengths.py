@@ -61,7 +61,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     errors = {name: np.array([one["errors"] for one in of]) for name, of in found.items()}
     fine = TOLERANCES.index(1e-6)
-    more = counts["with a corner"]["adaptive"][:, fine], counts["smooth"]["adaptive"][:, fine]
+    smooth, corner = (counts[name]["adaptive"][:, fine] for name in KNOTS)
+    between = counts["with a corner"]["between knots"][:, fine]
     measured = {
         "volume half-way by component": judged.interval(middle),
         "largest change of volume, Alexa": float(abs(volumes["Alexa"] - 1).max()),
@@ -74,7 +75,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             name: judged.interval(of["certified"][:, 0]) for name, of in counts.items()
         },
         "largest error over tolerance": {name: float(of.max()) for name, of in errors.items()},
-        "evaluations with a corner over without": judged.ratio(*more),
+        "evaluations with a corner over without": judged.ratio(corner, smooth),
     }
     claims = {
         "components interpolated independently are not reasonable: less than half the volume": judged.below(
@@ -87,10 +88,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "adaptive quadrature works: errors below 10 tolerances": {
             name: bool(of.max() < 10) for name, of in errors.items()
         },
-        "discontinuous derivatives cause problems: more evaluations for 1e-6": judged.smaller(*more[::-1]),
-        "with a corner, less than half the evaluations between knots": judged.smaller(
-            *(counts["with a corner"][way][:, fine] for way in ("between knots", "adaptive")), 0.5
-        ),
+        "discontinuous derivatives cause problems: more evaluations for 1e-6": judged.smaller(smooth, corner),
+        "with a corner, less than half the evaluations between knots": judged.smaller(between, corner, 0.5),
     }
     figure = _draw(volumes, counts)
     progress(1.0)
@@ -103,7 +102,8 @@ def blend(start: NDArray, end: NDArray, times: NDArray) -> NDArray[np.float64]:
     No eigenvalue may be real and negative, as that of a half turn.
     """
     t = times[:, None, None]
-    return expm((1 - t) * np.real(logm(start)) + t * np.real(logm(end)))
+    first, last = (np.real(np.asarray(logm(matrix))) for matrix in (start, end))
+    return np.asarray(expm((1 - t) * first + t * last), np.float64)
 
 
 def adaptive_length(

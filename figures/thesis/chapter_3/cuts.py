@@ -6,7 +6,7 @@ its value is the sum over instants of the products of strengths, times what one 
 pair of it transports more than the bound of the cluster, or less than nothing.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +41,14 @@ class Lights(NamedTuple):
 class Pairs(NamedTuple):
     """Clusters of pairs, (n,) each."""
 
-    pixel: NDArray[np.int64]
-    gather: NDArray[np.int64]
-    light: NDArray[np.int64]
+    pixel: NDArray[Any]
+    gather: NDArray[Any]
+    light: NDArray[Any]
     """Numbers of nodes."""
-    instant: NDArray[np.int64]
+    instant: NDArray[Any]
     """Of the pair that represents the cluster."""
-    value: NDArray[np.float64]
-    bound: NDArray[np.float64]
+    value: NDArray[Any]
+    bound: NDArray[Any]
     """Of the error of the value."""
 
 
@@ -56,11 +56,11 @@ class Cut(NamedTuple):
     """The clusters of all pixels, what they add up to, and what that costs."""
 
     pairs: Pairs
-    value: NDArray[np.float64]
+    value: NDArray[Any]
     """(pixels,)."""
-    bound: NDArray[np.float64]
+    bound: NDArray[Any]
     """(pixels,): of the error of the value."""
-    cost: NDArray[np.int64]
+    cost: NDArray[Any]
     """(pixels,): evaluated pairs."""
 
 
@@ -183,7 +183,7 @@ def _represent(
     """
     weights = gathers.strength[nodes[:2]] * lights.strength[nodes[2]]
     some = weights.any(axis=1)
-    pixel, gather, light = nodes = tuple(part[some] for part in nodes)
+    pixel, gather, light = (part[some] for part in nodes)
     sums = np.cumsum(weights[some], axis=1)
     weight = sums[:, -1]
     row = np.arange(len(pixel))
@@ -195,5 +195,5 @@ def _represent(
         instant = np.where(kept, before, instant)
     value = weight * table[pixel, instant, lights.lamp[light, instant]]
     leaf, other_leaf = _leaves(gathers, lights, gather, light)
-    bound = np.where(leaf & other_leaf, 0, weight * transport_bound(gathers, lights, *nodes))
+    bound = np.where(leaf & other_leaf, 0, weight * transport_bound(gathers, lights, pixel, gather, light))
     return Pairs(pixel, gather, light, instant, value, bound), pixel[~kept]

@@ -15,6 +15,9 @@ from figures.shared import judged
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 
+Complex = NDArray[np.complexfloating]
+"""Places x + i y in the plane."""
+
 KEYS = 16
 PUFFS, WIDTH = 6, 0.08
 """Of smoke: Gaussians, and their standard deviation."""
@@ -103,34 +106,34 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     return figure, {"measured": measured, "claims": claims, "note": NOTE}
 
 
-def _cells(count: int) -> NDArray[np.complex128]:
+def _cells(count: int) -> Complex:
     """Return the middles of the cells of [-1, 1] x [-1, 1] as x + i y."""
     axis = (np.arange(count) + 0.5) / count * 2 - 1
     return axis + 1j * axis[:, None]
 
 
-def place_puffs(key: int) -> NDArray[np.complex128]:
+def place_puffs(key: int) -> Complex:
     """Return random places that stay inside while they turn."""
     random = np.random.default_rng(key).random((2, PUFFS))
     return 0.75 * np.sqrt(random[0]) * np.exp(2j * np.pi * random[1])
 
 
-def density(puffs: NDArray, place: NDArray) -> NDArray[np.float64]:
+def density(puffs: Complex, place: Complex) -> NDArray[np.float64]:
     """Return the density of smoke at the first frame."""
-    return sum(np.exp(-0.5 * (abs(place - puff) / WIDTH) ** 2) for puff in puffs)
+    return np.sum([np.exp(-0.5 * (abs(place - puff) / WIDTH) ** 2) for puff in puffs], axis=0)
 
 
-def velocity(flow: str, place: NDArray) -> NDArray[np.complex128]:
+def velocity(flow: str, place: Complex) -> Complex:
     """Return the displacement from frame to frame that a steady flow has at a place."""
     return 1j * TURN * place if flow == "rotation" else SHEAR * np.sin(np.pi * place.imag) + 0j
 
 
-def trace_back(flow: str, place: NDArray, time: float) -> NDArray[np.complex128]:
+def trace_back(flow: str, place: Complex, time: float) -> Complex:
     """Return where the smoke of a place was at the first frame."""
     return np.exp(-1j * TURN * time) * place if flow == "rotation" else place - time * velocity(flow, place)
 
 
-def estimates(flow: str, puffs: NDArray, cells: int, points: NDArray, time: float) -> dict[str, NDArray]:
+def estimates(flow: str, puffs: Complex, cells: int, points: Complex, time: float) -> dict[str, NDArray]:
     """Return densities at a time between two frames of a grid, by both ways."""
     grid = _cells(cells)
     first, last = (density(puffs, trace_back(flow, grid, at)) for at in (0.0, 1.0))
@@ -142,7 +145,7 @@ def estimates(flow: str, puffs: NDArray, cells: int, points: NDArray, time: floa
     }
 
 
-def _read(grid: NDArray, points: NDArray) -> NDArray[np.float64]:
+def _read(grid: NDArray, points: Complex) -> NDArray[np.float64]:
     """Interpolate a grid bilinearly; beyond its outer cells it is constant."""
     index = [0.5 * len(grid) * (1 + part) - 0.5 for part in (points.imag, points.real)]
     return map_coordinates(grid, index, order=1, mode="nearest")
@@ -154,7 +157,7 @@ def _chord_errors(angles: NDArray) -> NDArray[np.float64]:
 
 
 def _draw(
-    puffs: NDArray, points: NDArray, by_grid: Mapping[str, Any], by_time: Mapping[float, Any]
+    puffs: Complex, points: Complex, by_grid: Mapping[str, Any], by_time: Mapping[float, Any]
 ) -> Figure:
     images = {"exact": density(puffs, trace_back("rotation", points, 0.5))}
     images |= estimates("rotation", puffs, SHOWN, points, 0.5)

@@ -140,10 +140,12 @@ def make_scene(world: tracing.World, side: int, count: int, key: int) -> Scene:
     times = (np.arange(INSTANTS) + 0.5) / INSTANTS
     y, x = np.mgrid[:side, :side].reshape(2, -1, 1) + random.random((2, side * side, INSTANTS))
     camera = tracing.camera([0, 2.0, -2.2], [0, 0.1, 0], fov=42)
-    flat = [np.broadcast_to(a, x.shape).astype(np.float32).ravel() for a in (x / side, y / side, times)]
-    sight = camera.rays(*map(jnp.asarray, flat), ())
-    origin, direction = (np.stack(np.asarray(vector), axis=-1) for vector in (sight.origin, sight.direction))
-    hit = tracing.nearest_hit(world, origin, direction, flat[2])
+    across, down, when = (
+        jnp.asarray(np.broadcast_to(a, x.shape).ravel(), jnp.float32) for a in (x / side, y / side, times)
+    )
+    sight = camera.rays(across, down, when, ())
+    origin, direction = (jnp.stack(vector, axis=-1) for vector in (sight.origin, sight.direction))
+    hit = tracing.nearest_hit(world, origin, direction, when)
     place, normal = (
         np.asarray(part, np.float64).reshape(-1, INSTANTS, 3) for part in (hit.point, hit.normal)
     )
@@ -169,8 +171,8 @@ def transport(
     for begin in range(0, len(place), step):
         origin, facing = (part[begin : begin + step, :, None] for part in (place, normal))
         way = lamps.swapaxes(0, 1) - origin
-        rays = (a.astype(np.float32) for a in (origin, way, times[:, None]))
-        blocked = tracing.any_hit(world, *rays, np.float32(1))
+        start, ray, when = (a.astype(np.float32) for a in (origin, way, times[:, None]))
+        blocked = tracing.any_hit(world, start, ray, when, np.float32(1))
         along = np.maximum(np.sum(facing * way, axis=-1), 0)
         table[begin : begin + step] = np.where(blocked, 0, along / np.sum(way**2, axis=-1) ** 1.5)
     return table

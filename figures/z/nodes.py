@@ -213,13 +213,14 @@ def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
 
 
 def _sizes() -> dict[str, int]:
-    """Return the bytes of the tables of look-up trees."""
+    """Return the bytes of the tables of look-up trees, with the paper's bytes of a letter."""
 
     def tables(letters: int, dims: int) -> tuple[int, int]:
         sampler = samplers.z(2, 2, 1, KEY_7, "tree", constituents=(1,) * dims, alphabet=letters)
         arrays = [leaf for leaf in jax.tree.leaves(sampler) if leaf.size >= letters]
         production = max((leaf for leaf in arrays if leaf.shape[-1:] == (4,)), key=lambda leaf: leaf.size)
-        return production.nbytes, sum(leaf.nbytes for leaf in arrays) - production.nbytes
+        permutations = sum(leaf.nbytes for leaf in arrays) - production.nbytes
+        return production.size * (4 if letters > 256 else 1), permutations
 
     return {
         "production, 4096 letters": tables(4096, 1)[0],

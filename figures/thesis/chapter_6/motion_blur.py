@@ -115,7 +115,10 @@ def pictures(
     numbers = {
         "measured": {
             "keys": KEYS[quality],
-            "rms_error": {size: {each: rms(of) for each, of in by.items()} for size, by in errors.items()},
+            "rms_error": {each: rms(of) for each, of in list(errors.values())[-1].items()},
+            "RMS error, mean over keys": {
+                size: {each: rms(values) for each, values in of.items()} for size, of in errors.items()
+            },
             "over the screen / rotated": {
                 size: {net: judged.ratio(of[full], of[net]) for net, full in zip(NETS, FULL, strict=True)}
                 for size, of in errors.items()

@@ -63,7 +63,7 @@ WHY_6_6 = (
 
 def thesis_6_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
-    title = "Cornell box: nets and lattices have less error than random samples\nthesis, Fig. 6.6"
+    title = "Cornell box: from 4 samples per pixel on, nets and lattices beat random samples\nthesis, Fig. 6.6"
     figure, numbers = motion_blur.convergence("cornell_box", title, (16, 7), _claims_6_6, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY_6_6}
 
@@ -120,7 +120,7 @@ WHY_6_8 = (
 
 def thesis_6_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
-    title = "Helicopter: nets have less error than the lattice, and both less than random\nthesis, Fig. 6.8"
+    title = "Helicopter: from 4 samples per pixel on, nets beat random samples\nthesis, Fig. 6.8"
     figure, numbers = motion_blur.convergence("helicopter", title, (16, 7), _claims_6_8, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY_6_8}
 

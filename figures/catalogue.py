@@ -99,7 +99,7 @@ TITLES = {
     "thesis-5.3.2": "Permutation nets in three dimensions have the printed distances",
     "thesis-6.1": "Checkerboard at 64 samples per pixel: the rotated lattice leaves a line",
     "thesis-6.2": "Checkerboard: Larcher-Pillichshammer is best at most sample counts",
-    "thesis-6.3": "Zone plate at 64 samples per pixel: here the rotated lattice leaves no line",
+    "thesis-6.3": "Zone plate at 64 samples per pixel: noise of the jittered grid hides fine rings",
     "thesis-6.4": "Zone plate: in places nets and lattices are worse than the jittered grid",
     "thesis-6.5": "Cornell box: rotated nets have less error than random points and the lattice",
     "thesis-6.6": "Cornell box: from 4 samples per pixel on, nets and lattices beat random samples",

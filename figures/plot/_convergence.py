@@ -23,7 +23,7 @@ _FEW_DECADES = 50.0
 """Up to this ratio of the ends of the vertical axis, powers of ten are too few ticks."""
 
 _FEW_TICKS = 6.0
-"""Up to this ratio, so are 1, 2 and 5 times these."""
+"""Up to this ratio, so are 1, 2 and 5 times powers of ten."""
 
 _DIGIT = 0.8
 """Width of a digit and what parts it from others, in sizes of letters."""
@@ -140,7 +140,7 @@ def convergence(
     if high < _FEW_DECADES * low:
         few = high < _FEW_TICKS * low
         ax.yaxis.set_major_locator(
-            LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0) if few else (1.0, 2.0, 5.0))
+            LogLocator(subs=(1.0, 1.2, 1.5, 2.0, 3.0, 5.0, 8.0) if few else (1.0, 2.0, 5.0))
         )
     ax.yaxis.set_major_formatter("{x:g}")
     ax.grid(alpha=0.3)

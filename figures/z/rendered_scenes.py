@@ -29,7 +29,7 @@ WHITE = (0.6, 1.4)
 SIDE_9 = {"draft": 128, "paper": 256}
 REPLICATE = {"draft": 16, "paper": 64}
 
-KEYS_9, KEYS_10 = {"draft": 4, "paper": 16}, {"draft": 2, "paper": 16}
+KEYS = {"draft": 4, "paper": 16}
 JUDGED_SIDE_9 = {"draft": 32, "paper": 128}
 """Over how many keys claims are judged, on images of this side."""
 
@@ -46,7 +46,7 @@ NOTE_9 = (
 
 def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the occluder, and measure errors and their spectra; hand the images out."""
-    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS_9[quality], scenes.occluder()
+    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS[quality], scenes.occluder()
     exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
     measured: dict[str, dict[str, float]] = {}
@@ -158,7 +158,7 @@ NOTE_10 = (
 
 def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
     """Render the four scenes by the four samplers, measure filtered errors, and hand the images out."""
-    side, small, keys = SIDE_10, JUDGED_SIDE_10[quality], KEYS_10[quality]
+    side, small, keys = SIDE_10, JUDGED_SIDE_10[quality], KEYS[quality]
     compared = {name: getattr(scenes, name)() for name in CROPS}
     compared["interior"] = scenes.interior(BOUNCES[quality])
     panels, over_keys, origins = [], {}, ""

@@ -63,7 +63,9 @@ WHY_6_6 = (
 
 def thesis_6_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Plot error over samples per pixel, log-log."""
-    title = "Cornell box: from 4 samples per pixel on, nets and lattices beat random samples\nthesis, Fig. 6.6"
+    title = (
+        "Cornell box: from 4 samples per pixel on, nets and lattices beat random samples\nthesis, Fig. 6.6"
+    )
     figure, numbers = motion_blur.convergence("cornell_box", title, (16, 7), _claims_6_6, quality, progress)
     return figure, numbers | {"note": numbers["note"] + WHY_6_6}
 

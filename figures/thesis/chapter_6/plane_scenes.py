@@ -306,7 +306,9 @@ CROP_6_3 = (0.703125, 0.703125, 0.234375)
 
 def thesis_6_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of chapter 6."""
-    title = "Zone plate at 64 samples per pixel: noise of the jittered grid hides fine rings\nthesis, Fig. 6.3"
+    title = (
+        "Zone plate at 64 samples per pixel: noise of the jittered grid hides fine rings\nthesis, Fig. 6.3"
+    )
     return pictures(scenes.zone_plate(), title, CROP_6_3, quality, progress)
 
 

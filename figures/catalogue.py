@@ -149,7 +149,7 @@ OUR_SCENE = frozenset(
 TIMED = frozenset(
     """
     thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 benchmark designed-samplers
-    mitsuba-samplers skipping speed scale thesis-4.1.3 z-table-1
+    mitsuba-samplers skipping speed scale z-table-1
     """.split()
 )
 """Figures that measure time: in paper quality nothing runs beside them."""

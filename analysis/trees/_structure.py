@@ -78,6 +78,11 @@ def area(extent: NDArray) -> NDArray[np.float64]:
     return 2 * (x * y + y * z + z * x)
 
 
+def still_measure(extent: NDArray) -> NDArray[np.float64]:
+    """Return the areas of boxes by their extents, (..., 3), or areas times durations, (..., 4)."""
+    return area(extent) if extent.shape[-1] == 3 else area(extent) * extent[..., 3]
+
+
 def measure(low: NDArray, high: NDArray, times: NDArray | None = None) -> NDArray[np.float64]:
     """Return the measure of rays that hit boxes, up to a factor, for rays uniform in space and time.
 
@@ -86,7 +91,7 @@ def measure(low: NDArray, high: NDArray, times: NDArray | None = None) -> NDArra
     """
     extent = high - low
     if times is None:
-        return area(extent) if extent.shape[-1] == 3 else area(extent) * extent[..., 3]
+        return still_measure(extent)
     # Areas are quadratic in time between two times, so Simpson's rule is exact.
     ends, middles = area(extent), area(0.5 * (extent[:-1] + extent[1:]))
     parts = (times[1:] - times[:-1]) / (6 * (times[-1] - times[0]))

@@ -10,10 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis.trees import _structure
 from analysis.trees._structure import Tree, fit
+from qmcjax.core import checks
 
 Split = Callable[[NDArray, NDArray, NDArray], tuple[NDArray, NDArray]]
 """From orders of boxes (a, m), and starts and lengths of the runs of nodes, (s,), to the number of boxes
 of the first child, (s,), and which boxes, by their numbers, go to the second, bool (n,)."""
+
+
+Cost = Callable[[NDArray, NDArray], Any]
+"""From numbers of boxes and extents of their bounding boxes, (..., d), to costs."""
 
 
 def grow(rows: NDArray, split: Split) -> NDArray[np.int64]:
@@ -64,7 +69,7 @@ _CHUNK = 2**18
 """Number of boxes examined at once, or one node, to fit the cache."""
 
 
-def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
+def surface_area_tree(low: ArrayLike, high: ArrayLike, *, cost: Cost | None = None) -> Tree:
     r"""Make a tree by the surface area heuristic, top-down, with one box in each leaf.
 
     A node is split along the axis and at the place with the smallest cost (Eq. 4.1)
@@ -80,6 +85,9 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
         Finite corners of the boxes, ``low <= high``. A fourth coordinate is time: a box exists from ``low``
         to ``high``. It is sorted like the others, and areas are multiplied by the duration, for rays uniform
         in time.
+    cost : callable, optional
+        Another cost than N A of a child, from numbers of boxes (integers), and extents of the bounding box,
+        (..., 3) or (..., 4): where its sum over both children is least, a node is split.
 
     References
     ----------
@@ -93,10 +101,16 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike) -> Tree:
     [[0, 2], [3, 1]]
     """
     low, high = _structure.still_boxes(low, high)
-    return sweep(low, high, np.argsort(low + high, axis=0, kind="stable").T)
+    if cost is not None:
+        checks.function("cost", cost, "of numbers of boxes and of extents", 2)
+    return sweep(low, high, np.argsort(low + high, axis=0, kind="stable").T, cost or _heuristic)
 
 
-def sweep(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
+def _heuristic(count: NDArray, extent: NDArray) -> NDArray:
+    return count * _structure.still_measure(extent)
+
+
+def sweep(low: NDArray, high: NDArray, rows: NDArray, cost: Cost = _heuristic) -> Tree:
     """Return the tree of boxes that are split along orders of them, (a, n)."""
     columns = np.ascontiguousarray(low.T), np.ascontiguousarray(high.T)
 
@@ -111,7 +125,7 @@ def sweep(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
                 place = np.arange(length[some].max())
                 # Rows are padded with their last box, which changes neither minima nor maxima.
                 at = start[some, None] + np.minimum(place, length[some, None] - 1)
-                axis, first[some] = _best(*columns, rows[:, at], length[some])
+                axis, first[some] = _best(*columns, rows[:, at], length[some], cost)
                 boxes, side = rows[axis[:, None], at], place >= first[some, None]
                 second[boxes[side]] = True
         return first, second
@@ -119,15 +133,17 @@ def sweep(low: NDArray, high: NDArray, rows: NDArray) -> Tree:
     return fit(grow(rows, split), low, high)
 
 
-def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple[NDArray, NDArray]:
+def _best(
+    low: NDArray, high: NDArray, boxes: NDArray, length: NDArray, cost: Cost
+) -> tuple[NDArray, NDArray]:
     """Return the order, and how many boxes come before the split, for each node: ``boxes`` is (a, s, w)."""
     before = np.arange(1, boxes.shape[2])
     uneven = abs(2 * before - length[:, None])
     costs = np.empty((len(length), len(boxes), len(before)))
     for axis, row in enumerate(boxes):
-        ahead = _areas(low, high, row)[:, :-1]
-        behind = _areas(low, high, row[:, ::-1])[:, ::-1][:, 1:]
-        costs[:, axis] = before * ahead + (length[:, None] - before) * behind
+        ahead = _extents(low, high, row)[:, :-1]
+        behind = _extents(low, high, row[:, ::-1])[:, ::-1][:, 1:]
+        costs[:, axis] = cost(before, ahead) + cost(length[:, None] - before, behind)
     costs[np.broadcast_to((before >= length[:, None])[:, None], costs.shape)] = np.inf
     least = costs.min(axis=(1, 2), keepdims=True)
     rank = np.where(costs <= least * (1 + _TIE), uneven[:, None], 2 * boxes.shape[2])
@@ -135,11 +151,11 @@ def _best(low: NDArray, high: NDArray, boxes: NDArray, length: NDArray) -> tuple
     return best // len(before), before[best % len(before)]
 
 
-def _areas(low: NDArray, high: NDArray, boxes: NDArray) -> NDArray:
-    """Return the measures of the bounding boxes of all prefixes of a row, (s, w)."""
+def _extents(low: NDArray, high: NDArray, boxes: NDArray) -> NDArray:
+    """Return the extents of the bounding boxes of all prefixes of a row, (s, w, d)."""
     lows = [np.minimum.accumulate(a[boxes], axis=1) for a in low]
     highs = [np.maximum.accumulate(b[boxes], axis=1) for b in high]
-    return _structure.measure(*(np.moveaxis(np.stack(side), 0, -1) for side in (lows, highs)))
+    return np.moveaxis(np.stack(highs) - np.stack(lows), 0, -1)
 
 
 def hilbert_tree(low: ArrayLike, high: ArrayLike) -> Tree:

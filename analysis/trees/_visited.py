@@ -29,6 +29,7 @@ def nodes_visited(
     distance: Distances | None = None,
     *,
     time: ArrayLike | None = None,
+    nearest_first: bool = True,
 ) -> NDArray[np.int64]:
     """Count the nodes, including leaves, whose boxes rays enter during traversal: int64 (...).
 
@@ -46,6 +47,9 @@ def nodes_visited(
         :func:`triangle_distances`. Without it nothing is hit, and all nodes in front of the origin count.
     time : float ArrayLike, shape (...), optional
         Times of the rays, required for trees of boxes that move or have an interval of time.
+    nearest_first : bool, optional
+        False: of two children that are hit, the first is the one that comes first in the direction of the
+        ray, along the axis on which their centres are farthest apart.
 
     References
     ----------
@@ -60,6 +64,7 @@ def nodes_visited(
     [2 3]
     """
     validate_tree(tree)
+    checks.flag("nearest_first", nearest_first)
     if distance is not None:
         checks.function("distance", distance, "of numbers of rays and of leaves", 2)
     shape, start, toward = flat_rays(origin, direction)
@@ -72,11 +77,32 @@ def nodes_visited(
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         inverse = 1 / toward
         inverse[np.isinf(inverse)] = np.inf
-        return _count(tree, start, inverse, when, distance).reshape(shape)
+        first = None if nearest_first else _along_axes(tree, inverse)
+        return _count(tree, start, inverse, when, distance, first).reshape(shape)
+
+
+def _along_axes(tree: Tree, inverse: NDArray) -> Callable[[NDArray, NDArray], NDArray[np.bool_]]:
+    """Return a function that tells whether rays come to the first child of nodes first, by an axis."""
+    center = tree.low[..., :3] + tree.high[..., :3]
+    center = center if tree.times is None else center.mean(axis=0)
+    apart = center[tree.children[:, 1]] - center[tree.children[:, 0]]
+    axis = abs(apart).argmax(axis=1)
+    sign = np.take_along_axis(apart, axis[:, None], axis=1)[:, 0] < 0
+
+    def first(rays: NDArray, nodes: NDArray) -> NDArray[np.bool_]:
+        at = nodes - tree.size
+        return (inverse[rays, axis[at]] < 0) == sign[at]
+
+    return first
 
 
 def _count(
-    tree: Tree, start: NDArray, inverse: NDArray, when: NDArray, distance: Distances | None
+    tree: Tree,
+    start: NDArray,
+    inverse: NDArray,
+    when: NDArray,
+    distance: Distances | None,
+    is_first: Callable[[NDArray, NDArray], NDArray[np.bool_]] | None,
 ) -> NDArray[np.int64]:
     rays = len(start)
     count, limit = np.zeros(rays, np.int64), np.full(rays, np.inf)
@@ -96,15 +122,16 @@ def _count(
             limit[here] = np.minimum(limit[here], _validate_distances(distance(here, node[leaf]), len(here)))
         inside, below = active[~leaf], tree.children[node[~leaf] - tree.size]
         first, second = (enters(inside, below[:, k]) for k in range(2))
-        nearer, later = first <= second, np.maximum(first, second)
-        both = later < limit[inside]
+        nearer = first <= second if is_first is None else is_first(inside, node[~leaf])
+        near, far = np.where(nearer, first, second), np.where(nearer, second, first)
+        both = np.maximum(first, second) < limit[inside]
         ahead = np.where(nearer, below[:, 0], below[:, 1])
         rest = np.where(nearer, below[:, 1], below[:, 0])
         some = inside[both]
-        waiting[some, top[some]], entry[some, top[some]] = rest[both], later[both]
+        waiting[some, top[some]], entry[some, top[some]] = rest[both], far[both]
         top[some] += 1
         goes = np.minimum(first, second) < limit[inside]
-        on, next_node = inside[goes], ahead[goes]
+        on, next_node = inside[goes], np.where(near < limit[inside], ahead, rest)[goes]
         # The others pop from their stacks, until a node is not behind their hit.
         back = np.concatenate([active[leaf], inside[~goes]])
         taken, nodes = [on], [next_node]

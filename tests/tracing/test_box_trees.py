@@ -83,13 +83,24 @@ def test_structure(name, builder):
     check(builder(*SETS[name]), *SETS[name])
 
 
-def least_cost(low, high, of):
-    """Return the cost of the best split of some boxes (Eq. 4.1), and how uneven the evenest of these is."""
+def edges_area(extent):
+    return 2 * (extent * np.roll(extent, 1, axis=-1)).sum(axis=-1)
+
+
+COSTS = {
+    "Eq. 4.1": lambda n, extent: n * edges_area(extent),
+    "Eq. 4.2": lambda n, extent: (2 * n - 1) * edges_area(extent),
+    "volume": lambda n, extent: n * extent.prod(axis=-1),
+}
+
+
+def least_cost(low, high, of, cost_of):
+    """Return the cost of the best split of some boxes, and how uneven the evenest of these is."""
     found = []
     for axis in range(low.shape[1]):
         order = sorted(of, key=lambda k: low[k, axis] + high[k, axis])
         for j in range(1, len(of)):
-            cost = sum(len(part) * area(*around(low, high, part)) for part in (order[:j], order[j:]))
+            cost = sum(cost_of(len(part), *around(low, high, part)) for part in (order[:j], order[j:]))
             found.append((cost, abs(2 * j - len(of))))
     least = min(cost for cost, _ in found)
     return least, min(uneven for cost, uneven in found if cost <= least * (1 + 1e-9))
@@ -98,15 +109,34 @@ def least_cost(low, high, of):
 @pytest.mark.parametrize("name", ["some", "one place", "growing", "in time"])
 def test_splits_are_the_best_of_a_sweep(name):
     low, high = SETS[name]
-    tree = trees.surface_area_tree(low, high)
+    are_best_splits(trees.surface_area_tree(low, high), low, high, lambda n, *box: n * area(*box))
+
+
+def are_best_splits(tree, low, high, cost_of):
     found = members(tree)
     for node, (one, other) in enumerate(tree.children, start=tree.size):
         sizes = [len(found[k]) for k in (one, other)]
         cost = sum(
-            size * area(tree.low[k], tree.high[k]) for size, k in zip(sizes, (one, other), strict=True)
+            cost_of(size, tree.low[k], tree.high[k]) for size, k in zip(sizes, (one, other), strict=True)
         )
-        least, uneven = least_cost(low, high, found[node])
+        least, uneven = least_cost(low, high, found[node], cost_of)
         assert np.isclose(cost, least, rtol=1e-9) and abs(sizes[0] - sizes[1]) == uneven
+
+
+@pytest.mark.parametrize("name", COSTS)
+def test_splits_are_the_best_of_other_costs(name):
+    low, high = boxes(30, 7)
+    tree = trees.surface_area_tree(low, high, cost=COSTS[name])
+    are_best_splits(tree, low, high, lambda n, *box: COSTS[name](n, box[1] - box[0]))
+
+
+def test_eq_4_2_is_not_least_where_eq_4_1_is():
+    """Sect. 4.1.1 says that it is, for exactly the same split; the areas of both children differ by split."""
+    default, one, other = (
+        trees.surface_area_tree(*SETS["some"], cost=cost).children
+        for cost in (None, COSTS["Eq. 4.1"], COSTS["Eq. 4.2"])
+    )
+    assert np.array_equal(default, one) and not np.array_equal(one, other)
 
 
 def all_trees(of):
@@ -227,8 +257,14 @@ def test_lines_meet_nodes_in_proportion_to_areas(way):
     assert abs(found.mean() - expected) < 5 * found.std() / np.sqrt(len(found))
 
 
-def visits(tree, origin, direction, vertices):
+def visits(tree, origin, direction, vertices, nearest_first=True):
     """Go through a tree with a recursion: the number of visited nodes and the distance of the hit."""
+
+    def along(pair):
+        """Return the children as they come along the axis on which they are farthest apart."""
+        center = tree.low[pair] + tree.high[pair]
+        axis = np.argmax(abs(center[1] - center[0]))
+        return sorted(pair, key=lambda k: np.sign(direction[axis]) * (tree.low[k] + tree.high[k])[axis])
 
     def entry(node):
         with np.errstate(divide="ignore"):
@@ -245,7 +281,8 @@ def visits(tree, origin, direction, vertices):
                 return 1, limit
             return 1, min(limit, distance) if min(u, v, distance, 1 - u - v) > 0 else limit
         count = 1
-        for child in sorted(tree.children[node - tree.size], key=entry):
+        pair = tree.children[node - tree.size]
+        for child in sorted(pair, key=entry) if nearest_first else along(pair):
             if entry(child) < limit:
                 more, limit = go(child, limit)
                 count += more
@@ -259,19 +296,23 @@ def soup(count, key, size=0.4):
     return rng.uniform(-1, 1, (count, 1, 3)) + size * rng.normal(size=(count, 3, 3))
 
 
-def test_traversal_is_that_of_a_recursion():
+@pytest.mark.parametrize("nearest_first", [True, False])
+def test_traversal_is_that_of_a_recursion(nearest_first):
     """With hits, from inside and outside; without rays; the order of rays does not matter."""
     vertices = soup(40, 1)
     tree = trees.optimal_subtrees(trees.surface_area_tree(vertices.min(axis=1), vertices.max(axis=1)))
     rng = np.random.default_rng(3)
     origin, direction = rng.normal(size=(150, 3)), rng.normal(size=(150, 3))
     distance = trees.triangle_distances(vertices, origin, direction)
-    found = trees.nodes_visited(tree, origin, direction, distance)
-    expected = [visits(tree, o, d, vertices)[0] for o, d in zip(origin, direction, strict=True)]
+    order = {"nearest_first": nearest_first}
+    found = trees.nodes_visited(tree, origin, direction, distance, **order)
+    expected = [visits(tree, o, d, vertices, **order)[0] for o, d in zip(origin, direction, strict=True)]
     assert np.array_equal(found, expected) and found.dtype == np.int64
     assert np.any(found < trees.nodes_visited(tree, origin, direction))
     assert trees.nodes_visited(tree, np.zeros((0, 3)), [0, 0, 1]).shape == (0,)
-    square = trees.nodes_visited(tree, origin.reshape(10, 15, 3), direction.reshape(10, 15, 3), distance)
+    square = trees.nodes_visited(
+        tree, origin.reshape(10, 15, 3), direction.reshape(10, 15, 3), distance, **order
+    )
     assert np.array_equal(square.reshape(-1), found)
 
 

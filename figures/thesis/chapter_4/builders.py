@@ -1,8 +1,8 @@
-"""Thesis Sect. 4.1.3 and 4.1.4: trees by the surface area heuristic and by other ways."""
+"""Thesis Sect. 4.1.1 to 4.1.4: trees by the surface area heuristic, by other costs and in other ways."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared.costs import in_turns, median, timed
+from figures.shared import judged
 from figures.shared.sheets.panels import legend_below, name_axes, new_figure
 from figures.thesis.chapter_4 import meshes
 from figures.thesis.chapter_4.meshes import Rays, leaf_depths, trace
@@ -20,23 +20,27 @@ FAN = 200
 """Triangles of the fan."""
 QUADRATIC = 2000
 """Boxes up to which all pairs of them are looked at."""
+SETS = {"draft": (4, 24), "paper": (16, 100)}
+"""Sets of random boxes, and boxes, of trees by a sharper bound."""
 CATASTROPHE = 2.0
 """As many nodes, or more."""
 SLIGHTLY = 1.25
 
-EMBREE = find_spec("embreex") is not None
-
-SAH, CENTRES = "surface area heuristic", "2-means of centres"
+SAH, CENTRES, UNWEIGHTED = "surface area heuristic", "2-means of centres", "area, not weighted"
+VOLUME, BOTH = "volume in place of area", "volume + area"
 
 NOTE = (
     f"Summed areas and nodes of {{side}} x {{side}} primary rays relative to the tree of the surface "
     "area heuristic; one triangle per leaf. All but the last two builders take the split of least c(j), "
     "Eq. 4.1, among their candidates: along three axes, along one curve, or of two pairs of clusters. "
     "2-means uses the metric for boxes; 'of centres' clusters points. Quadratic splits try all pairs of "
-    f"boxes, feasible for at most {QUADRATIC}; 'filled' keeps 40 % of the boxes in each group. The fan: "
+    f"boxes, feasible for at most {QUADRATIC}; 'filled' keeps 40 % of the boxes in each group. 'volume', "
+    "'volume + area', both in units of the scene's box, and 'not weighted', without numbers of boxes, are "
+    "other costs in place of Eq. 4.1. The fan: "
     f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
-    f"splits is {{depth}} levels deep, by the heuristic {{least}}. Embree's time per ray (one core, same "
-    f"primary rays, its own tree) shows how hard a mesh is.{{embree}}"
+    f"splits is {{depth}} levels deep, by the heuristic {{least}}. Not drawn: without numbers of boxes one "
+    f"knot has {{depth_of_knot:.0f}} levels on average. A sharper bound, one split ahead, on {{sets}} sets "
+    f"of {{count}} random boxes."
 )
 
 
@@ -49,10 +53,20 @@ def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
         "2-means": partial(trees.two_means_tree, low, high, tries=2),
         CENTRES: partial(_of_centres, low, high),
     }
+    size = (high.max(axis=0) - low.min(axis=0)).prod() ** (1 / 3)
+    found[VOLUME] = lambda: trees.surface_area_tree(low, high, cost=lambda n, e: n * e.prod(axis=-1))
+    found[BOTH] = lambda: trees.surface_area_tree(
+        low, high, cost=lambda n, e: n * (_area_of(e) + e.prod(axis=-1) / size)
+    )
     if len(low) <= QUADRATIC:
+        found[UNWEIGHTED] = lambda: trees.surface_area_tree(low, high, cost=lambda _, e: _area_of(e))
         found["quadratic split"] = partial(trees.quadratic_split_tree, low, high)
         found["quadratic split, filled"] = partial(trees.quadratic_split_tree, low, high, fill=0.4)
     return found
+
+
+def _area_of(extent: NDArray) -> NDArray[np.float64]:
+    return 2 * (extent * np.roll(extent, 1, axis=-1)).sum(axis=-1)
 
 
 def _of_centres(low: NDArray, high: NDArray) -> trees.Tree:
@@ -64,18 +78,18 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Build trees of all meshes in all ways, and send rays through them."""
     side = SIDE[quality]
     measured: dict[str, dict[str, Any]] = {}
-    marks: dict[str, float] = {}
     small = meshes.Mesh(meshes.knot(2, 3, 48, 10), (0.0, 1.0, -7.0), (0.0, 0.0, 0.0))
     compared = {"one knot": lambda: small} | {
         name: partial(meshes.made, name, quality) for name in meshes.MESHES
     }
     for done, (name, mesh) in enumerate(compared.items(), start=1):
         measured[name] = _of_mesh(mesh(), side)
-        if EMBREE:
-            marks[name] = _embree(mesh())
         progress(done / len(compared))
     fan = _fan()
-    others = [way for way in measured["one knot"] if way not in ("triangles", SAH)]
+    sharper = _sharper_trees(*SETS[quality])
+    worse = {kind: judged.ratio(*of) for kind, of in sharper.items()}
+    others = [way for way, of in measured["one knot"].items() if isinstance(of, dict)]
+    others = [way for way in others if way not in (SAH, UNWEIGHTED)]
     claims = {
         "along the Hilbert curve trees are worse than by three axes": {
             mesh: _nodes(of, "Hilbert order") > 1 for mesh, of in measured.items()
@@ -94,18 +108,39 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             for mesh, of in measured.items()
             for way in ("2-means", CENTRES)
         },
+        "without numbers of boxes the tree gets very deep: twice the mean leaf depth": (
+            measured["one knot"][UNWEIGHTED]["mean leaf depth"]
+            > 2 * measured["one knot"][SAH]["mean leaf depth"]
+        ),
+        "and inefficient: more nodes": _nodes(measured["one knot"], UNWEIGHTED) > 1,
+        "area works better than volume: fewer nodes": {
+            mesh: _nodes(of, VOLUME) > 1 for mesh, of in measured.items()
+        },
+        "volume and area together are superior for some scenes": any(
+            _nodes(of, BOTH) < 1 for of in measured.values()
+        ),
+        "a sharper bound, one split ahead, increases the summed area": {
+            kind: judged.smaller(heuristic, bound) for kind, (bound, heuristic) in sharper.items()
+        },
+        "the child that is hit first is to be visited first: fewer nodes than along the axis": {
+            mesh: of[SAH]["nodes along axes / those of the nearest first"] > 1
+            for mesh, of in measured.items()
+        },
         "quadratic splits degrade a fan to something like a list: a depth of half its triangles": (
             fan["quadratic split"] > FAN / 2
         ),
     }
     numbers = {
-        "measured": {"meshes": measured, "Embree, nanoseconds a ray": marks, "depth of the fan": fan},
+        "measured": {"meshes": measured, "depth of the fan": fan}
+        | {"summed area by a sharper bound / by the heuristic": worse},
         "claims": claims,
         "note": NOTE.format(
             side=side,
             depth=fan["quadratic split"],
             least=fan[SAH],
-            embree="" if EMBREE else " Embree is not installed here.",
+            depth_of_knot=measured["one knot"][UNWEIGHTED]["mean leaf depth"],
+            sets=SETS[quality][0],
+            count=SETS[quality][1],
         ),
     }
     return _draw(measured, others), numbers
@@ -124,8 +159,9 @@ def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
     distance = trees.triangle_distances(mesh.triangles, *rays)
     found: dict[str, Any] = {}
     first: dict[str, float] = {}
+    built: dict[str, trees.Tree] = {}
     for name, make in _ways(*meshes.corners(mesh.triangles)).items():
-        tree, seconds = timed(make)
+        tree = built[name] = make()
         area, visits = trees.summed_area(tree), float(trace(tree, rays, distance).visits.mean())
         first = first or {"area": area, "visits": visits}
         found[name] = {
@@ -134,9 +170,59 @@ def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
             "nodes of a primary ray": visits,
             "nodes / those of the heuristic": visits / first["visits"],
             "mean leaf depth": leaf_depths(tree)[1],
-            "seconds to build": seconds.clock,
         }
+    along = trees.nodes_visited(built[SAH], *rays, distance, nearest_first=False).mean()
+    found[SAH]["nodes along axes / those of the nearest first"] = float(along / first["visits"])
     return found | {"triangles": len(mesh.triangles)}
+
+
+def _sharper_trees(sets: int, count: int) -> dict[str, tuple[list[float], list[float]]]:
+    """Return summed areas by a sharper bound and by the heuristic, of sets of random boxes of two kinds."""
+    found: dict[str, tuple[list[float], list[float]]] = {}
+    for kind, power in (("alike", 1), ("of many sizes", 8)):
+        sharper, heuristic = found[kind] = [], []
+        for key in range(sets):
+            random = np.random.default_rng(key)
+            low = random.uniform(size=(count, 3))
+            high = low + 0.5 * random.uniform(size=low.shape) ** power
+            tree = trees.surface_area_tree(low, high)
+            heuristic.append(trees.summed_area(tree))
+            children = _split_ahead(low, high)
+            sharper.append(trees.summed_area(trees.refitted(replace(tree, children=children), low, high)))
+    return found
+
+
+def _split_ahead(low: NDArray, high: NDArray) -> NDArray[np.int64]:
+    """Return the children of a tree whose splits have the least Eq. 4.2 of their parts' own best splits."""
+    children: list[tuple[int, int]] = []
+
+    def build(boxes: NDArray[np.int64]) -> int:
+        if len(boxes) == 1:
+            return int(boxes[0])
+        order = np.argsort(low[boxes] + high[boxes], axis=0).T
+        splits = [(row[:j], row[j:]) for row in boxes[order] for j in range(1, len(boxes))]
+        bounds = [sum(_bound(low[part], high[part]) for part in split) for split in splits]
+        one, other = splits[int(np.argmin(bounds))]
+        children.append((build(one), build(other)))
+        return len(low) + len(children) - 1
+
+    build(np.arange(len(low)))
+    return np.array(children)
+
+
+def _bound(low: NDArray, high: NDArray) -> float:
+    """Return the least Eq. 4.2 of all splits of some boxes, or the area of a single one."""
+    count = len(low)
+    if count == 1:
+        return float(trees.surface_area(low[0], high[0]))
+    order = np.argsort(low + high, axis=0).T
+    areas = []
+    for rows in (order, order[:, ::-1]):
+        first, last = np.minimum.accumulate(low[rows], axis=1), np.maximum.accumulate(high[rows], axis=1)
+        areas.append(_area_of(last - first))
+    number = np.arange(1, count)
+    sums = (2 * number - 1) * areas[0][:, :-1] + (2 * (count - number) - 1) * areas[1][:, :-1][:, ::-1]
+    return float(areas[0][0, -1] + sums.min())
 
 
 def _fan() -> dict[str, int]:
@@ -150,23 +236,11 @@ def _fan() -> dict[str, int]:
     }
 
 
-def _embree(mesh: meshes.Mesh, side: int = 256, turns: int = 5) -> float:
-    """Return the nanoseconds of a primary ray, the median of some turns after the first."""
-    from embreex.mesh_construction import TriangleMesh  # pyright: ignore[reportMissingImports]
-    from embreex.rtcore_scene import EmbreeScene  # pyright: ignore[reportMissingImports]
-
-    scene = EmbreeScene()
-    TriangleMesh(scene, mesh.triangles.astype(np.float32))
-    origin, way = (np.ascontiguousarray(a, np.float32) for a in meshes.camera_rays(mesh, side))
-    taken = in_turns({"": lambda _: scene.run(origin, way)}, turns)[""]
-    return median(taken) / len(origin) * 1e9
-
-
 def _draw(measured: dict[str, dict[str, Any]], ways: list[str]) -> Figure:
     figure = new_figure(
         "Trees by 2-means or along curves are worse than by the surface area heuristic\n"
-        "thesis, Sect. 4.1.3 and 4.1.4; one marker per mesh",
-        3.7,
+        "thesis, Sect. 4.1.1 to 4.1.4; one marker per mesh",
+        4.5,
     )
     panels = figure.subplots(1, 2, sharey=True)
     kinds = {

@@ -87,7 +87,9 @@ def _measure(scene: scenes.Scene, side: int, spp: int, steps: int, designs: int)
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict, dict[str, bytes]]:
     """Measure all parts, and draw errors of tiles, over samples, in scenes, and in animations."""
     tiles = designed_tiles.measure(quality, lambda part: progress(part / 3))
+    jax.clear_caches()  # Programs of the tiles take memory, and are of no use to the other parts.
     tables, of_frames, files = space_time.measure(quality, lambda part: progress((1 + part) / 3))
+    jax.clear_caches()
     found, of_scenes = measure_scenes(quality, lambda part: progress((2 + part) / 3))
     parts = {"tiles": tiles.numbers, "animations": of_frames, "scenes": of_scenes}
     return (

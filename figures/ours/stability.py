@@ -269,6 +269,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name] = panel.measure()
         if name in axes:
             _draw(axes[name], name, panel, measured[name])
+        jax.clear_caches()  # Programs of one panel are of no use to the next, and take 0.1 to 0.3 GB.
         progress(done / len(panels))
     broken = {
         name: {label: _first(curve, panel.limit) for label, curve in measured[name].items()}

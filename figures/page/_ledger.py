@@ -211,7 +211,7 @@ def _row(finding: ledger.Finding, drafts: Drafts) -> Markup:
     claim = finding.claim
     draft = drafts.get((claim.figure, claim.key), "agrees")
     note = {"agrees": "", "alone": "draft"}.get(draft, f"this draft: {draft}")
-    lines = {"reproduced": 0, "depends": 0, "by-test": 1}.get(finding.verdict, 2)
+    lines = {"reproduced": 0, "depends": 0, "by-test": 1, "undecided": 1}.get(finding.verdict, 2)
     return fill(
         ROW,
         verdict=finding.verdict,
@@ -260,4 +260,4 @@ def _evidence(claim: ledger.Claim) -> Markup:
         return fill('<a href="$place">$figure</a>', place=href(claim.figure), figure=claim.figure)
     if claim.test is None:
         return Markup("")
-    return fill("<code>$test</code>", test=claim.test)
+    return fill("<code>$test</code>", test=claim.test.rpartition("::")[2])

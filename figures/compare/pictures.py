@@ -1,6 +1,7 @@
 """Pictures of the page: errors over those of random samples, and spectra of errors."""
 
 import io
+import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
@@ -19,8 +20,8 @@ from figures.shared.sheets.panels import legend_below
 DRAWN = ("rms", "filtered")
 """Measures, a panel each."""
 
-MOST = 1
-"""Names of entries that a title has."""
+MOST, LETTERS = 2, 42
+"""Names of entries that a title has, and letters of its lines, which are no wider than a panel."""
 
 NONE = Score(np.nan, np.nan, np.nan)
 
@@ -96,7 +97,8 @@ def title(about: str, of: Curves) -> str:
     best = at[ordered[0]]
     alike = [name for name in ordered if at[name].low <= best.high]
     more = f" and {len(alike) - MOST} more" if len(alike) > MOST else ""
-    return f"{about}, {spp} samples\nleast with {', '.join(alike[:MOST])}{more} ({best.middle:.2g})"
+    lines = f"{about}, {spp} samples", f"least with {', '.join(alike[:MOST])}{more} ({best.middle:.2g})"
+    return "\n".join(textwrap.fill(line, LETTERS) for line in lines)
 
 
 def spectra(scene: str, rows: Sequence[ComparisonRow], names: Iterable[str]) -> bytes:

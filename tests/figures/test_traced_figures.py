@@ -205,6 +205,11 @@ def test_sets_are_distinct_pixels_of_the_area():
     assert len(np.unique(whole.y.astype(int) * 32 + whole.x)) == 32**2
 
 
+def test_errors_over_counts_are_geometric_means():
+    values = np.exp(np.random.default_rng(2).normal(size=pixel_sets.SETS))
+    np.testing.assert_allclose(pixel_sets.over_counts({1: values, 4: values / 2}), values / np.sqrt(2))
+
+
 def test_errors_of_sets_are_without_the_references(exact):
     pixels = pixel_sets.all_pixels(32)
     found = pixel_sets.errors(exact.image[pixels.y, pixels.x] + 0.5, exact, pixels)
@@ -227,17 +232,6 @@ def test_pixels_are_those_of_the_image_and_sets_are_divided_among_keys():
         )
     np.testing.assert_allclose(found["one"][2][:8], found["both"][2][:8])
     assert np.all(found["one"][2][8:] != found["both"][2][8:])
-
-
-def test_curves_have_bands_where_there_are_all_counts():
-    values = np.exp(np.random.default_rng(2).normal(size=pixel_sets.SETS))
-    found = {"all": {1: values, 4: values / 2}, "few": {1: values}}
-    curves, bands = pixel_sets.curves(found, [1, 4])
-    assert curves["all"][0] == pytest.approx(np.sqrt(np.mean(values**2)))
-    assert np.isnan(curves["few"][1]) and bands.keys() == {"all"}
-    low, high = bands["all"]
-    assert np.all(low < curves["all"]) and np.all(high > curves["all"])
-    np.testing.assert_allclose(pixel_sets.over_counts(found["all"]), values / np.sqrt(2))
 
 
 def test_statements_together_and_within_a_factor():

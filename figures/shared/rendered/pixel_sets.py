@@ -11,11 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from figures._errors import rms
 from figures.making import finished_cells
 from figures.shared.rendered import diffusion, scene_images
 from qmcjax import samplers
-from qmcjax.core import student
 from qmcjax.core.checkpoints import digest
 
 SETS = 16
@@ -94,25 +92,3 @@ def _errors(
 def over_counts(of_counts: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the geometric mean of errors over the counts, of each set."""
     return np.exp(np.mean([np.log(values) for values in of_counts.values()], axis=0))
-
-
-def curves(
-    found: Mapping[str, Mapping[int, NDArray[np.float64]]], counts: Sequence[int]
-) -> tuple[dict[str, list[float]], dict[str, NDArray[np.float64]]]:
-    """Return errors over all sets by sampler and count, and as much up and down as 95 % of mean logarithms.
-
-    Errors are NaN where there are none; samplers without all counts have no band.
-    """
-    missing = np.full(SETS, np.nan)
-    whole = {name: [rms(of.get(spp, missing)) for spp in counts] for name, of in found.items()}
-    bands = {
-        name: np.array([_band(of[spp]) for spp in counts]).T
-        for name, of in found.items()
-        if not set(counts) - set(of)
-    }
-    return whole, bands
-
-
-def _band(errors: NDArray[np.float64]) -> NDArray[np.float64]:
-    logs = np.log(errors)
-    return rms(errors) * np.exp(np.array(student.interval(logs)) - logs.mean())

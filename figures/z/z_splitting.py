@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import qmcjax as qj
 from figures._rc import ORANGE, PURPLE, VERMILLION
-from figures.making.schema import Claims
+from figures.making.schema import Found
 from figures.shared import judged
 from figures.shared.rendered import diffusion, padded_samplers
 from figures.shared.sheets.panels import legend_below, new_figure
@@ -157,28 +157,24 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     numbers = {
         "measured": {
             "error over that of one set": ratios,
+            "one set has less error": {
+                measure: {name: _smaller(measured, measure, name) for name in (ALONE, ARRAYS)}
+                for measure in MEASURES
+            },
             "error of one set": {
                 title: {measure: judged.interval(of[ONE]) for measure, of in measures.items()}
                 for title, measures in measured.items()
             },
         },
-        "claims": _claims(measured),
+        "claims": {"splitting has less error than none at equal rays": _smaller(measured, "RMS error", NONE)},
         "note": NOTE.format(side=side, keys=keys),
     }
     return _draw(ratios, side, keys), numbers
 
 
-def _claims(measured: dict[str, dict[str, dict[str, NDArray]]]) -> Claims:
-    wanted = {
-        "splitting has less error than none at equal rays": ("RMS error", NONE),
-        "one set has less error than light samples each on its own": ("RMS error", ALONE),
-        "one set has less error from afar than light samples each on its own": ("filtered error", ALONE),
-        "one set has less error from afar than arrays of each pixel": ("filtered error", ARRAYS),
-    }
-    return {
-        claim: {title: judged.smaller(of[measure][ONE], of[measure][name]) for title, of in measured.items()}
-        for claim, (measure, name) in wanted.items()
-    }
+def _smaller(measured: dict[str, dict[str, dict[str, NDArray]]], measure: str, name: str) -> dict[str, Found]:
+    """Return by scene whether one set has less error than another way."""
+    return {title: judged.smaller(of[measure][ONE], of[measure][name]) for title, of in measured.items()}
 
 
 def _draw(ratios: dict[str, dict[str, dict[str, dict[str, float]]]], side: int, keys: int) -> Figure:

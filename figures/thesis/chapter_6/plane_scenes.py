@@ -244,7 +244,7 @@ def _draw(
             of,
             slopes=(),
             ylabel=f"RMS error relative to\n{base}" if k else "RMS error",
-            ax=add_axes(figure, 180 + 1060 * k, 120, 410, height - 120 - 60),
+            ax=add_axes(figure, 215 + 1025 * k, 120, 410, height - 120 - 60),
         )
     return figure
 

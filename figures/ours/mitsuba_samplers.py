@@ -236,7 +236,7 @@ def _draw(
     for k, each in enumerate(found):
         for row, what in enumerate(CURVES):
             bottom = bars + (len(CURVES) - 1 - row) * ROW + 230
-            axes = add_axes(figure, 180 + k * column, bottom, column - 220, HIGH)
+            axes = add_axes(figure, 230 + k * column, bottom, column - 260, HIGH)
             _draw_errors(axes, what, each, rows, size)
             if not row:
                 axes.set_title(each)
@@ -270,5 +270,5 @@ def _draw_rates(axes: Axes, what: str, taken: dict[str, list[float]], size: Size
         axes.text(ratio, k, f" {ratio:.2f}", va="center")
     axes.set_yticks(range(len(size.samplers)), list(map(shown, size.samplers)))
     axes.invert_yaxis()
-    axes.set(xlabel="rate / independent", xlim=(0, 1.5))
+    axes.set(xlabel="rate / independent", xlim=(0, 1.5), xticks=[0, 0.5, 1])
     axes.set_title(what.removesuffix(" loops").replace("_rgb", ""))

@@ -370,7 +370,7 @@ def make(quality, progress):
 
 def test_catalogue_names_figures_of_this_package():
     for name, entry in CATALOGUE.items():
-        room = re.match(r"(hilbert|z|thesis)-(?:\d|table)", name)
+        room = re.match(r"(hilbert|z|thesis)-(?:\d|table|splitting)", name)
         module, _, function = entry.module.partition(":")
         assert module.startswith(f"figures.{room[1] if room else 'ours'}.")
         text = Path(importlib.util.find_spec(module).origin).read_text(encoding="utf-8")

@@ -12,6 +12,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
+from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, log_side
 from qmcjax.sequences import Sequence
 
@@ -208,9 +209,9 @@ class Sampler(abc.ABC):
         >>> print(sampler.split((2, 3), 4)(3, 5, 2, dims=(0, 1)) == sampler(3, 5, 0))
         [ True  True]
         """
-        from qmcjax.samplers._split import split  # Its result is a sampler.
-
-        return split(self, dims, count)
+        count = checks.integer("count", count, 1, checks.INDEX_LIMIT - 1)
+        divided = tuple(sorted(set(checks.dimensions(dims, self.dims))))
+        return Split(self, self.finer(count), divided, count)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless the sampler supports this image size and number of samples.
@@ -263,6 +264,55 @@ class Sampler(abc.ABC):
         named = zip(("x", "y", "sample"), (x, y, sample), self.limits, strict=True)
         x, y, sample = jnp.broadcast_arrays(*(checks.unsigned(*argument) for argument in named))
         return x, y, sample
+
+
+@frozen_pytree
+class Split(Sampler):
+    """Sample s has the split coordinates of sample s of a finer sampler, the others of ``s // count``."""
+
+    whole: Sampler
+    fine: Sampler
+    """``whole.finer(count)``."""
+    divided: tuple[int, ...] = field(metadata={"static": True})
+    """The coordinates that have sub-samples."""
+    count: int = field(metadata={"static": True})
+
+    @property
+    def dims(self) -> int:
+        return self.whole.dims
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        return self.fine.limits
+
+    def _shares(self, dims: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return the coordinates that are not split, and those that are."""
+        return tuple(j for j in dims if j not in self.divided), tuple(j for j in dims if j in self.divided)
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        shares = zip((self.whole, self.fine), self._shares(dims), strict=True)
+        return tuple(sampler.prepare(x, y, own) if own else None for sampler, own in shares)
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
+        (whole, fine), (of_whole, of_fine), parts = self._shares(dims), state, []
+        if whole:
+            parts.append(self.whole.points(of_whole, sample // np.uint32(self.count), whole, dtype))
+        if fine:
+            parts.append(self.fine.points(of_fine, sample, fine, dtype))
+        return joined(parts, (*whole, *fine), dims)
+
+    def up_to(self, spp: int) -> "Split":
+        whole = self.whole.up_to(-(-spp // self.count))
+        return Split(whole, self.fine.up_to(spp), self.divided, self.count)
+
+    def finer(self, count: int) -> Sampler:
+        return self.fine.finer(count)
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        self.fine.check(width, height, spp)
+
+    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
+        return self.fine._checked(x, y, sample)
 
 
 class InEveryPixel(Sampler):

@@ -56,7 +56,7 @@ def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[
 def errors(place: str, of: Mapping[str, Curves], names: Iterable[str], spps: Sequence[int]) -> bytes:
     """Draw the curves of a family or scene as SVG, a panel for each measure; ``names``: of all entries."""
     labels = [_label(name) for name in names]
-    look = {"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}
+    look: dict[Any, Any] = {"svg.hashsalt": place, "svg.fonttype": "none", "font.family": "sans-serif"}
     with plot.rc(), mpl.rc_context(look):
         figure = Figure(figsize=(PAGE, 3.2), layout="constrained")
         for axes, (measure, by_entry) in zip(figure.subplots(1, len(of)), of.items(), strict=True):

@@ -245,9 +245,9 @@ def _draw_curve(axes: Axes, curve: Curve, name: str) -> None:
     for (v, u), count in np.ndenumerate(counts):
         look: dict[str, Any] = {"color": "white", "weight": "bold"}
         if max(abs(u - column), abs(v - row)) > 1:
-            look = {"bbox": {"facecolor": _shade(count), "edgecolor": "none", "pad": 0.5}}
+            look = {"bbox": {"facecolor": _shade(int(count)), "edgecolor": "none", "pad": 0.5}}
         axes.text(u, v, str(count), ha="center", va="center_baseline", **look)
-        axes.add_patch(Rectangle((u - 0.5, v - 0.5), 1, 1, color=_shade(count), lw=0, zorder=0))
+        axes.add_patch(Rectangle((u - 0.5, v - 0.5), 1, 1, color=_shade(int(count)), lw=0, zorder=0))
     axes.set(xlim=(-0.6, len(counts) - 0.4), ylim=(len(counts) - 0.4, -0.6), aspect="equal")
     axes.set(title=f"{name}: at most {counts[row, column]}", xticks=[], yticks=[])
     axes.spines[:].set_visible(False)

@@ -114,13 +114,13 @@ def _measure(curve: Curve) -> dict:
 def _correlate_across(curve: Curve, image: NDArray[np.float64]) -> dict[str, float]:
     """Return the correlation of the two pixels at edges, by the differences of their positions."""
     differences = _all_differences(curve.positions)
-    ends = [
+    first, second = (
         np.concatenate([part.ravel() for part in parts])
         for parts in ((image[:, :-1], image[:-1]), (image[:, 1:], image[1:]))
-    ]
+    )
     multiple = differences % 3 == 0
     edges = {"3": differences == 3, "multiples of 3": multiple, "others": ~multiple & (differences > 1)}
-    return {name: float(np.corrcoef(*(end[chosen] for end in ends))[0, 1]) for name, chosen in edges.items()}
+    return {name: float(np.corrcoef(first[at], second[at])[0, 1]) for name, at in edges.items()}
 
 
 def _all_differences(positions: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -128,7 +128,7 @@ def _draw_beside(figure: Figure, large: Panel, measured: dict[str, dict[str, Any
             for count, of in measured[name].items()
         }
         curve(axes, ratios, plot.style(drawn), label=name)
-    ticks = [float(count) for count in ratios]
+    ticks = [float(count.removesuffix(" spp")) for count in measured[GLOBAL]]
     name_axes(axes, "samples per pixel", "RMS error / global's", log="x", ticks=ticks, legend="upper left")
     axes.set(ylim=(0.8, 1.6))
 

@@ -122,7 +122,7 @@ def _draw(tiles: designed_tiles.Tiles, tables: space_time.Tables, found: dict[st
     for k, dims in enumerate(designed_tiles.DIMS):
         axes = add_axes(figure, LEFT + 640 * k, bottom, 430, HIGH)
         designed_tiles.draw_curves(axes, tiles, dims)
-    handles, names = axes.get_legend_handles_labels()
+    handles, names = figure.axes[-1].get_legend_handles_labels()
     across, down = figure.get_size_inches() * DPI
     look = {"loc": "upper left", "frameon": False, "ncols": 2}
     figure.legend(handles, names, bbox_to_anchor=(80 / across, (bottom - 90) / down), **look)

@@ -4,6 +4,7 @@ import itertools
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -173,7 +174,9 @@ def _draw(curves: dict[int, dict[str, dict[int, float]]], parts: list[dict]) -> 
     layout["c"].plot([], [], "k--", label="root of the average squared")
     titles = {"b": "star discrepancy in 2 to 6 dimensions", "c": "L2 discrepancies in 2 to 6 dimensions"}
     for panel, title in titles.items():
-        legend = {"legend": "lower left", "ncols": 2} if panel == "b" else {"legend": "lower left"}
+        legend: dict[str, Any] = (
+            {"legend": "lower left", "ncols": 2} if panel == "b" else {"legend": "lower left"}
+        )
         name_axes(layout[panel], "number of points n", "part of Sobol's", title, **legend)
         layout[panel].set_xscale("log", base=2)
         layout[panel].set_ylim(0, None)

@@ -232,7 +232,10 @@ def draw_table(axes: Axes, table: Mapping[str, NDArray[np.float64]]) -> None:
     for row, of in enumerate(cells):
         for column, value in enumerate(of):
             least, dark = value == cells[:, column].min(), abs(np.log2(value)) > 1.3
-            look = {"weight": "bold" if least else "normal", "color": "white" if dark else "black"}
+            look: dict[str, Any] = {
+                "weight": "bold" if least else "normal",
+                "color": "white" if dark else "black",
+            }
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", **look)
     axes.set_xticks(range(cells.shape[1]), [*COLUMNS, BLOCKS])
     axes.xaxis.tick_top()

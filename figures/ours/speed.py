@@ -263,7 +263,9 @@ def _draw(cases: list[dict], rays: Any, paths: Rates, measures: Rates, on_device
         row += 2
     axes.set_yticks(list(names), list(names.values()))
     for place, label in zip(names, axes.get_yticklabels(), strict=True):
-        label.set_weight("bold" if names[place].partition(":")[0].lower() in _kinds(compared) else "normal")
+        label.set_fontweight(
+            "bold" if names[place].partition(":")[0].lower() in _kinds(compared) else "normal"
+        )
     axes.axvline(1, color="black", lw=0.8)
     axes.set(xscale="log", ylim=(row - 1.2, -0.8), xlim=(min(0.5, 0.9 * min(ratios)), 1.6 * max(ratios)))
     axes.set(xlabel="our rate / theirs", ylabel="case")

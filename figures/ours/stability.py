@@ -296,7 +296,7 @@ def _draw(axes: Axes, title: str, panel: Panel, curves: Curves) -> None:
         name, wide = label.removesuffix(", float32").removesuffix(", float64"), label.endswith(", float64")
         color = colors.setdefault(name, f"C{len(colors)}")
         values = np.maximum(list(curve.values()), zero)
-        look = {"ls": ":", "label": "_"} if wide else {"label": name}
+        look: dict[str, Any] = {"ls": ":", "label": "_"} if wide else {"label": name}
         axes.plot(list(curve), values, marker="o", color=color, ms=3, lw=1, **look)
     if panel.limit is not None:
         axes.axhline(panel.limit, color="0.5", ls="--", lw=0.8, zorder=0)

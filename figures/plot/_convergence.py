@@ -150,7 +150,9 @@ def convergence(
 
 def _points(ax: Axes) -> tuple[float, float]:
     """Return the width and the height of axes in points, before a layout moves them."""
-    scale = 72 / ax.get_figure(root=True).dpi
+    figure = ax.get_figure(root=True)
+    assert figure is not None
+    scale = 72 / figure.dpi
     return scale * ax.bbox.width, scale * ax.bbox.height
 
 

@@ -181,7 +181,7 @@ def _draw_strips(axes: Axes, strips: list[NDArray[np.int64]]) -> None:
             axes.add_patch(
                 Rectangle(corner, 1, 1, facecolor=(*_colour(x, y, side), 0.6), edgecolor="0.3", lw=0.4)
             )
-            axes.text(*np.add(corner, 0.5), str(position[pixel]), ha="center", va="center")
+            axes.text(corner[0] + 0.5, corner[1] + 0.5, str(position[pixel]), ha="center", va="center")
         left += strip.shape[1] + 1
     axes.set(xlim=(-0.1, left - 0.9), ylim=(-0.1, side + 0.1), aspect="equal", xticks=[], yticks=[])
     axes.set_axis_off()

@@ -110,7 +110,7 @@ def thesis_2_1(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     axes.text(3.5, 0.97, "four functions\nbetween two knots", ha="center", va="center")
     for i, column in enumerate(values.T):
         axes.plot(u, column, lw=1.2, color=f"C{i % 10}")
-        look = {"ha": "center", "color": f"C{i % 10}"}
+        look: dict[str, Any] = {"ha": "center", "color": f"C{i % 10}"}
         top = u[column.argmax()], column.max()
         axes.annotate(f"$N_{{{i},3}}$", top, xytext=(0, 3), textcoords="offset points", **look)
     name_axes(axes, "parameter u", "value of the basis function", ticks=sorted(set(KNOTS)))

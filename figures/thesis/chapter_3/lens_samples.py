@@ -301,7 +301,7 @@ def _draw(
         ("^", VERMILLION, "worst", "worst direction"),
     ):
         bars.plot([error[part] for error in errors.values()], marker, color=color, label=label)
-    ticks = dict(enumerate(("points", "parallel", "evenly", "sqrt")))
+    ticks = {float(k): name for k, name in enumerate(("points", "parallel", "evenly", "sqrt"))}
     name_axes(bars, "", "RMS error at edges", f"{COUNT} points or lines", ticks=ticks, legend="upper right")
     bars.set(xlim=(-0.5, len(errors) - 0.5), ylim=(0, None))
     return figure

@@ -181,6 +181,6 @@ def test_annuli_of_frames_are_those_of_each():
 
 test_bad_input_is_named = refused(
     (lambda: filtered_error(FRAMES[0], ZERO[0], time=1.0), r"image must have shape \(frames, height, width"),
-    (lambda: filtered_error(FRAMES, ZERO[:3], time=1.0), r"one shape, got \(24, 6, 8\) and \(3, 6, 8\)"),
+    (lambda: filtered_error(FRAMES, ZERO[:3], time=1.0), r"the same shape, got \(24, 6, 8\) and \(3, 6, 8\)"),
     (lambda: error_spectrum(FRAMES[0], ZERO[0], animated=True), r"image must have shape \(frames, height"),
 )

@@ -15,7 +15,6 @@ from figures.plot import Style
 from figures.shared import judged
 from figures.shared.sheets.panels import curve, name_axes, new_figure
 from qmcjax.tracing import motion
-from qmcjax.tracing.motion import _arc_length
 
 KEYS = 16
 TIMES = np.linspace(0, 1, 33)
@@ -140,7 +139,8 @@ def _quadrature(knots: NDArray, key: int) -> dict[str, Any]:
     polygon = np.linalg.norm(np.diff(control, axis=0), axis=1).sum()
     slopes = BSpline(knots, control, 3).derivative()
     path = motion.nurbs(control, None, knots, degree=3)
-    exact = path.by_arc_length(1).length
+    certified = path.by_arc_length(1)
+    exact = certified.length
 
     def speed(u: NDArray) -> NDArray:
         return np.linalg.norm(slopes(u), axis=1)
@@ -153,9 +153,8 @@ def _quadrature(knots: NDArray, key: int) -> dict[str, Any]:
         abs(length - exact) / (t * polygon)
         for (length, _), t in zip(found["adaptive"], TOLERANCES, strict=True)
     ]
-    pieces, _ = _arc_length._divide(_arc_length._bezier(control, np.ones(8), knots, 3))
     counts = {way: [count for _, count in of] for way, of in found.items()}
-    return counts | {"certified": [16 * int(pieces.smooth.sum())], "errors": errors}
+    return counts | {"certified": [16 * certified.pieces], "errors": errors}
 
 
 def _draw(volumes: dict[str, NDArray], counts: dict[str, Any]) -> Figure:

@@ -51,6 +51,9 @@ class ArcLength:
     bound: float = field(metadata={"static": True})
     """Maximum distance of a point from that of the curve at the same fraction of its length."""
 
+    pieces: int = field(metadata={"static": True})
+    """Of the curve, whose lengths are integrated with 16 nodes each."""
+
     def __call__(self, part: ArrayLike) -> Array:
         """Return points (..., d) by the travelled fraction of the curve's length, in constant time.
 
@@ -134,7 +137,9 @@ def by_arc_length(
     points = _points(of_each, t)
     arc, chord = length / segments + 2 * unknown, np.linalg.norm(np.diff(points, axis=0), axis=1).min()
     bound = 0.5 * np.sqrt(max(arc**2 - chord**2, 0.0)) + 2 * unknown
-    return ArcLength(control[0] + size * points, float(size * length), float(size * bound))
+    return ArcLength(
+        control[0] + size * points, float(size * length), float(size * bound), int(pieces.smooth.sum())
+    )
 
 
 def _bezier(control: NDArray, weights: NDArray, knots: NDArray, degree: int) -> _Pieces:

@@ -146,7 +146,7 @@ class Sampler(abc.ABC):
         return self
 
     def finer(self, count: int) -> "Sampler":
-        """Return the same kind of sampler with ``count`` times as many samples per pixel, for :meth:`split`.
+        """Return the same kind of sampler with ``count`` times as many samples per pixel, for ``split``.
 
         Parameters
         ----------

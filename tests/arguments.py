@@ -211,6 +211,7 @@ def right_of_traced():
         "moving": {"point": [0.5] * 5, "low": [0.1] * 5, "high": [0.2] * 5},
         "estimator": {"point": [0.5, 0.5], "low": [0.1, 0.1], "high": [0.2, 0.2]},
         "engine": {"n": 2},
+        "z.split": {"dims": (0, 1)},
         "choice": {"width": 4, "height": 4},
     }
     return {f"{place}.{name}": [value] for place, values in right.items() for name, value in values.items()}
@@ -262,6 +263,7 @@ LEFT_OUT = {"progress", "checkpoint", "style"}
 # fmt: off
 FUNCTIONS = {
     "function", "f", "measure", "make", "sampler_of_key", "cls", "curve", "motion", "translation", "matrix",
+    "cost",
 }
 # fmt: on
 """Anything that can be called is a function: what goes wrong inside of it is its own matter."""

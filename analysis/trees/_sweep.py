@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from analysis.trees import _structure
 from analysis.trees._structure import Tree, fit
 from qmcjax.core import checks
+from qmcjax.core.parameters import numbers
 
 Split = Callable[[NDArray, NDArray, NDArray], tuple[NDArray, NDArray]]
 """From orders of boxes (a, m), and starts and lengths of the runs of nodes, (s,), to the number of boxes
@@ -103,6 +104,7 @@ def surface_area_tree(low: ArrayLike, high: ArrayLike, *, cost: Cost | None = No
     low, high = _structure.still_boxes(low, high)
     if cost is not None:
         checks.function("cost", cost, "of numbers of boxes and of extents", 2)
+        numbers("what cost returns", cost(np.ones(1, np.int64), (high - low)[:1]), (1,))
     return sweep(low, high, np.argsort(low + high, axis=0, kind="stable").T, cost or _heuristic)
 
 

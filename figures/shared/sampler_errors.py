@@ -47,7 +47,7 @@ $others
 
 FOLDED = "<details$open><summary>$title</summary>$table</details>"
 
-CELL = '<td class="$classes" style="--worse: $worse"><span>$ratio</span> <small>$interval</small></td>'
+CELL = '<td class="$classes" style="--by:$worse"><span>$ratio</span> <small>$interval</small></td>'
 
 WORST = 4.0
 """Ratios from here on have the strongest colour."""

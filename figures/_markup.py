@@ -13,7 +13,7 @@ class Markup(str):
 def fill(template: str, **values: Any) -> Markup:
     """Return a ``string.Template`` with values in place of its names, escaped unless they are `Markup`.
 
-    Iterables of markup are put together.
+    Iterables of markup are put together. Templates have attributes in double quotes.
     """
     return Markup(Template(template).substitute({name: _text(value) for name, value in values.items()}))
 
@@ -24,4 +24,4 @@ def join(parts: Iterable[Markup]) -> Markup:
 
 
 def _text(value: Any) -> str:
-    return value if isinstance(value, Markup) else html.escape(str(value))
+    return value if isinstance(value, Markup) else html.escape(str(value), quote=False).replace('"', "&quot;")

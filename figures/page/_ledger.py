@@ -156,7 +156,7 @@ $sign <b>$count</b> $verdict</a>
 
 ROW = (
     '<tr data-verdict="$verdict"><td>$paper, $place</td><td>$claim</td><td>$word$draft</td><td>$measured</td>'
-    "<td>$shown"
+    "<td>$shown</td></tr>"
 )
 
 COLUMNS = ("Place", "Claim", "Verdict", "Measured", "Shown by")

@@ -16,7 +16,8 @@ from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
-from qmcjax.samplers._base import AlongCurve, limit_finer
+from qmcjax.samplers._base import limit_finer
+from qmcjax.samplers._kinds import AlongCurve
 from qmcjax.sequences import BinarySequence, InTime, Sequence, as_sequence
 
 Index = tuple[Array, Array]

@@ -1,7 +1,7 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -13,8 +13,6 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import Order, log_side
-from qmcjax.sequences import Sequence
 
 
 class Sampler(abc.ABC):
@@ -313,109 +311,6 @@ class Split(Sampler):
 
     def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
         return self.fine._checked(x, y, sample)
-
-
-class InEveryPixel(Sampler):
-    """A sampler with the first points of one sequence in every pixel, randomised or shifted."""
-
-    sequence: Any
-
-    _limited = "for this sequence"
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*super().limits[:2], self.sequence.limit)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class OfDims(Sampler):
-    """A sampler with any number of dimensions."""
-
-    coordinates: int = field(metadata={"static": True})
-
-    @property
-    def dims(self) -> int:
-        return self.coordinates
-
-
-class OnRaster(Sampler):
-    """A sampler for one image size, which it pads to a raster."""
-
-    _sized = "sampler"
-    """Name of the object with this size, for error messages."""
-
-    @property
-    @abc.abstractmethod
-    def _size(self) -> tuple[int, int]:
-        """Width and height of the image."""
-
-    @property
-    @abc.abstractmethod
-    def raster(self) -> tuple[int, int]:
-        """Columns and rows of the raster."""
-
-    @property
-    def most(self) -> int:
-        """Largest number of samples per pixel."""
-        return self.spp  # pyright: ignore[reportAttributeAccessIssue]
-
-    @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*self.raster, self.most)
-
-    def check(self, width: int, height: int, spp: int) -> None:
-        checks.image_size(width, height)
-        if self._size != (width, height):
-            wanted = "{} x {}".format(*self._size)
-            raise ValueError(f"width, height must be the {self._sized}'s {wanted}, got {width} x {height}")
-        super().check(width, height, spp)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ForImage(OnRaster):
-    """A sampler that pads an image to the smallest enclosing square with a power of two as side."""
-
-    width: int = field(metadata={"static": True})
-    height: int = field(metadata={"static": True})
-
-    @property
-    def _size(self) -> tuple[int, int]:
-        return self.width, self.height
-
-    @property
-    def log_side(self) -> int:
-        """Binary logarithm of the side of the square."""
-        return log_side(self.width, self.height)
-
-    @property
-    def raster(self) -> tuple[int, int]:
-        return 2**self.log_side, 2**self.log_side
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class AlongCurve(OnRaster):
-    """A sampler that assigns the points of a sequence to the pixels along an order."""
-
-    order: Order
-    sequence: Sequence
-
-    _sized = "order"
-
-    @property
-    def dims(self) -> int:
-        return self.sequence.dims
-
-    @property
-    def _size(self) -> tuple[int, int]:
-        return self.order.width, self.order.height
-
-    @property
-    def raster(self) -> tuple[int, int]:
-        return self.order.raster
 
 
 def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -13,7 +13,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import to_unit
 from qmcjax.core.draws import fractions
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import InEveryPixel
+from qmcjax.samplers._kinds import InEveryPixel
 from qmcjax.sequences import (
     BinarySequence,
     InTime,

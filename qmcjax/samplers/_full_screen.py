@@ -20,7 +20,8 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import ForImage, limit_finer
+from qmcjax.samplers._base import limit_finer
+from qmcjax.samplers._kinds import ForImage
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
 

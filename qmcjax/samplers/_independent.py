@@ -12,7 +12,8 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import InEveryPixel, Sampler, joined, limit_finer
+from qmcjax.samplers._base import Sampler, joined, limit_finer
+from qmcjax.samplers._kinds import InEveryPixel
 from qmcjax.samplers._of_functions import as_sampler
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
 

@@ -15,7 +15,8 @@ from qmcjax.core.bits import below_one
 from qmcjax.core.jax_internals import alike
 from qmcjax.core.plug_ins import parameters, unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import OfDims, Sampler, limit_finer
+from qmcjax.samplers._base import Sampler, limit_finer
+from qmcjax.samplers._kinds import OfDims
 
 MAX_DIMS = 2**16
 

@@ -17,7 +17,8 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._along_curve import Contiguous, needed
-from qmcjax.samplers._base import ForImage, OfDims, validate_finer
+from qmcjax.samplers._base import validate_finer
+from qmcjax.samplers._kinds import ForImage, OfDims
 from qmcjax.samplers._z_index import append
 from qmcjax.sequences import (
     BinarySequence,

@@ -12,7 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import ForImage
+from qmcjax.samplers._kinds import ForImage
 from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
 
 

@@ -14,7 +14,7 @@ from qmcjax.core.digits import permuted_digit, word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import Order, as_order
 from qmcjax.samplers._along_curve import Strided, plus, points_64, times
-from qmcjax.samplers._base import AlongCurve
+from qmcjax.samplers._kinds import AlongCurve
 from qmcjax.sequences import Sequence, as_sequence
 
 

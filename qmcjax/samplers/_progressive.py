@@ -10,7 +10,7 @@ from qmcjax import orders
 from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import ForImage, OfDims
+from qmcjax.samplers._kinds import ForImage, OfDims
 from qmcjax.sequences import Digital, digital, sobol
 
 MAX_DIMS = 2**16

@@ -13,7 +13,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import morton
-from qmcjax.samplers._base import OfDims
+from qmcjax.samplers._kinds import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7

@@ -14,7 +14,8 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import ScrambledMorton, morton
 from qmcjax.samplers._along_curve import Index, needed
-from qmcjax.samplers._base import ForImage, OnRaster, validate_finer
+from qmcjax.samplers._base import validate_finer
+from qmcjax.samplers._kinds import ForImage, OnRaster
 from qmcjax.samplers._z_index import Frames, Number, append, at_frame, scrambled_number, scrambled_numbers
 from qmcjax.sequences import BinarySequence
 

@@ -94,10 +94,7 @@ def _nameless(axes: Any) -> list[str]:
             if low <= place <= high and label.get_visible()
         ]
         figure = axes.get_figure()
-        above = (
-            getattr(figure, f"get_sup{name}label")()
-            or getattr(figure.get_figure(root=True), f"get_sup{name}label")()
-        )
+        above = getattr(figure, f"get_sup{name}label")() or getattr(figure.figure, f"get_sup{name}label")()
         numbers = [text for text in labels if any(map(str.isdigit, text))]
         if numbers and set(numbers) != {"0", "1"} and not axis.get_label_text() and not above:
             wrong.append(f"the {name} axis of {_quote(axes.title)} has no name")

@@ -245,12 +245,19 @@ def measurement(finding: ledger.Finding) -> Markup:
 
 
 def cases(held: Mapping[str, bool | str]) -> Markup:
-    """Return in which cases a claim holds."""
+    """Return in which cases a claim holds, by verdict."""
     verdicts: dict[bool | str, str] = {True: "reproduced", False: "differs"}
+    by_verdict: dict[str, list[str]] = {}
+    for case, holds in held.items():
+        by_verdict.setdefault(verdicts.get(holds, "undecided"), []).append(case)
     return join(
-        fill('<span class="case $verdict">$sign $case</span>', case=case, verdict=verdict, sign=sign)
-        for case, holds in held.items()
-        for verdict in [verdicts.get(holds, "undecided")]
+        fill(
+            '<span class="case $verdict">$sign $cases</span>',
+            verdict=verdict,
+            sign=sign,
+            cases="; ".join(each),
+        )
+        for verdict, each in by_verdict.items()
         for sign in [VERDICTS[verdict][0]]
     )
 

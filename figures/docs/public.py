@@ -14,6 +14,7 @@ MODULES = (
     "qmcjax.tracing.motion",
     "qmcjax.bridges",
     "qmcjax.bridges.mitsuba",
+    "qmcjax.bridges.oidn",
     "analysis",
     "analysis.trees",
     "figures.plot",

@@ -40,17 +40,19 @@ FREQUENT = "the most frequent differences above 1"
 MIRRORED = "correlation with the image mirrored at the diagonal"
 ACROSS = "correlation of phi_3 across edges"
 MULTIPLES = "share of the differences above 1 that are multiples of"
+LINES = "multiples of 3 on every second line, and on the others"
 
 BOX = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.6}
 
 NOTE = (
     "The numbers are differences of positions above 1; where they are multiples of the base, the radical "
-    "inverses share their leading digit. The measurements use larger grids, 64 x 64 "
-    "and 81 x 81 pixels, and compare each edge with its mirror image. The symmetries are exact from "
-    "left to right for Morton, Hilbert and Moore, and under a half turn for Peano. About the diagonal, "
-    "Peano's shades are strongly symmetric for phi_2, whose leading bit forms a checkerboard, and "
-    "weakly for phi_3 and phi_5; a quarter of its differences equal those of the mirrored edges, fewer "
-    "than for Hilbert and Moore."
+    "inverses share their leading digit. Stripes are such lines as between the first and the second "
+    "column, in the middle of blocks of 2 x 2 pixels, where all differences are 1 or 3. The measurements "
+    "use larger grids, 64 x 64 and 81 x 81 pixels, and compare each edge with its mirror image. The "
+    "symmetries are exact from left to right for Morton, Hilbert and Moore, and under a half turn for "
+    "Peano. About the diagonal, Peano's shades are strongly symmetric for phi_2, whose leading bit forms "
+    "a checkerboard, and weakly for phi_3 and phi_5; a quarter of its differences equal those of the "
+    "mirrored edges, fewer than for Hilbert and Moore."
 )
 
 
@@ -96,6 +98,7 @@ def _measure(curve: Curve) -> dict:
         "edges with a difference of 1": int(np.count_nonzero(differences == 1)),
         FREQUENT: {str(values[k]): int(numbers[k]) for k in frequent},
         MULTIPLES: {str(base): float(np.mean(others % base == 0)) for base in BASES},
+        LINES: [_multiples_on_lines(curve, first) for first in (0, 1)],
         EVEN_COLUMNS: bool(np.all(halves == (x % 2 == 0))),
         ROW_BIT: bool(np.all(curve.positions >> 1 & 1 == y % 2)),
         CHECKERBOARD: bool(np.all(halves == ((x + y) % 2 != halves[0, 0]))),
@@ -121,6 +124,13 @@ def _correlate_across(curve: Curve, image: NDArray[np.float64]) -> dict[str, flo
     multiple = differences % 3 == 0
     edges = {"3": differences == 3, "multiples of 3": multiple, "others": ~multiple & (differences > 1)}
     return {name: float(np.corrcoef(first[at], second[at])[0, 1]) for name, at in edges.items()}
+
+
+def _multiples_on_lines(curve: Curve, first: int) -> float:
+    """Return the share of multiples of 3 among differences above 1, on every second line between pixels."""
+    across, down = analysis.neighbour_differences(curve)
+    on_lines = np.concatenate([lines[first::2].ravel() for lines in (across.T, down)])
+    return float(np.mean(on_lines[on_lines > 1] % 3 == 0))
 
 
 def _all_differences(positions: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -160,6 +170,9 @@ def _claims(measured: dict) -> Claims:
         "phi_3 correlates across multiples of 3, more than a third of the differences": {
             name: measured[name][MULTIPLES]["3"] > 1 / 3 and measured[name][ACROSS]["multiples of 3"] > 0.5
             for name in binary
+        },
+        "stripes: on every second line all differences above 1 are multiples of 3, elsewhere under half": {
+            name: measured[name][LINES][0] == 1 and measured[name][LINES][1] < 0.5 for name in binary
         },
         "phi_3 correlates where positions differ by 3: above 0.5": measured["Hilbert"][ACROSS]["3"] > 0.5,
     }

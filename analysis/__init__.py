@@ -39,6 +39,7 @@ from analysis._searches.optimize import OptimizedPoints as OptimizedPoints
 from analysis._searches.optimize import OptimizedScrambling as OptimizedScrambling
 from analysis._searches.optimize import optimize_points as optimize_points
 from analysis._searches.optimize import optimize_scrambling as optimize_scrambling
+from analysis._spectra.denoised import denoised_error as denoised_error
 from analysis._spectra.filters import Filter as Filter
 from analysis._spectra.filters import filtered_error as filtered_error
 from analysis._spectra.filters import low_frequency_power as low_frequency_power

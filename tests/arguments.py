@@ -78,6 +78,8 @@ def right_of_functions():
         "qmcjax.samplers.randomized.spp": [4], "qmcjax.scenes.as_scene.value": [noun["scene"]],
         "qmcjax.scenes.soft_shadow.height": [0.4], "qmcjax.orders.as_order.value": [noun["order"]],
         "qmcjax.orders.permutation.image": [np.arange(4).reshape(2, 2)],
+        "analysis.denoised_error.denoiser": [lambda image, *others: image],
+        "analysis.denoised_error.albedo": [None], "analysis.denoised_error.normal": [None],
         "analysis.expected_error.points": [np.full((4, 4, 1, 2), 0.5)],
         "analysis.expected_error.integrands": ["boxes"], "analysis.expected_error.filters": [1.0],
         "analysis.design_samples.dims": [2], "analysis.design_samples.steps": [20],
@@ -263,7 +265,7 @@ LEFT_OUT = {"progress", "checkpoint", "style"}
 # fmt: off
 FUNCTIONS = {
     "function", "f", "measure", "make", "sampler_of_key", "cls", "curve", "motion", "translation", "matrix",
-    "cost",
+    "cost", "denoiser",
 }
 # fmt: on
 """Anything that can be called is a function: what goes wrong inside of it is its own matter."""

@@ -18,6 +18,10 @@ SAMPLER = samplers.z(4, 4, 4, 1)
 VALUES = {
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []]),
     "analysis.convergence": dict(regions=[{}], samplers=[{}], spps=[[], [1, 0], [4, 1, 4]]),
+    "analysis.denoised_error": dict(
+        image=[np.ones((2, 2, 2)), np.full((2, 2), np.nan)],
+        denoiser=[lambda image: image[0], lambda image: image / 0 * 0],
+    ),
     "analysis.design_samples": dict(integrands=["lines"]),
     "analysis.dispersion": dict(points=[np.zeros((3, 4))]),
     "analysis.expected_error": dict(

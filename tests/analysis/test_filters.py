@@ -184,3 +184,42 @@ test_bad_input_is_named = refused(
     (lambda: filtered_error(FRAMES, ZERO[:3], time=1.0), r"the same shape, got \(24, 6, 8\) and \(3, 6, 8\)"),
     (lambda: error_spectrum(FRAMES[0], ZERO[0], animated=True), r"image must have shape \(frames, height"),
 )
+
+
+@pytest.mark.parametrize("channels", [(), (3,)])
+def test_after_a_gaussian_as_denoiser_the_error_is_that_after_a_filter(channels):
+    """SciPy's, truncated far out; grey and in colour, which denoisers get in colour."""
+
+    def gaussian(image):
+        assert image.shape == (40, 24, 3) and image.dtype == np.float32
+        return gaussian_filter1d(gaussian_filter1d(image, 1.5, 0, mode="wrap"), 1.5, 1, mode="wrap")
+
+    image, reference = np.random.default_rng(1).random((2, 40, 24, *channels))
+    filtered = gaussian(np.broadcast_to(reference.reshape(40, 24, -1), (40, 24, 3)).astype(np.float32))
+    found = analysis.denoised_error(image, filtered if channels else filtered[..., 0], gaussian)
+    assert found == pytest.approx(analysis.filtered_error(image, reference), rel=1e-3)
+    assert analysis.denoised_error(image, reference, lambda x: x) == pytest.approx(
+        np.sqrt(np.mean((image - reference) ** 2)), rel=1e-6
+    )
+
+
+def test_denoisers_get_albedo_and_normals_if_these_are_given():
+    got = []
+    image = np.ones((4, 5, 3))
+    for others in ((), (1.0,), (1.0, 2.0), (None, 2.0)):
+        analysis.denoised_error(image, image, lambda image, *others: got.append(others) or image, *others)
+    assert got == [(), (1.0,), (1.0, 2.0), (None, 2.0)]
+
+
+def test_the_error_after_a_denoiser_is_differentiable():
+    def denoise(image):
+        return (image + jnp.roll(image, 1, 0)) / 2
+
+    image, reference = np.random.default_rng(2).random((2, 6, 5, 3), np.float32)
+    value, slope = jax.jit(
+        jax.value_and_grad(lambda image: analysis.denoised_error(image, reference, denoise))
+    )(image)
+    assert float(value) == pytest.approx(analysis.denoised_error(image, reference, denoise), rel=1e-6)
+    error = np.asarray(denoise(image) - reference, np.float64)
+    expected = (error + np.roll(error, -1, 0)) / 2 / error.size / float(value)
+    np.testing.assert_allclose(slope, expected, rtol=1e-4, atol=1e-8)

@@ -106,6 +106,7 @@ OTHERS = {  # searches, comparisons, filters, readers and means: not measures of
     "broken_promises",
     "compare",
     "convergence",
+    "denoised_error",
     "design_samples",
     "mean_spectrum",
     "minimize",

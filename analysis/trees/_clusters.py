@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,15 @@ _ROUNDS = 20
 """Maximum number of iterations of Lloyd's relaxation."""
 
 
-def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: float = 2, key: int = 0) -> Tree:
+def two_means_tree(
+    low: ArrayLike,
+    high: ArrayLike,
+    *,
+    tries: int = 4,
+    norm: float = 2,
+    key: int = 0,
+    silhouette: bool = False,
+) -> Tree:
     """Make a tree by splitting nodes into two clusters of boxes by Lloyd's relaxation [1]_, [2]_.
 
     A box joins the nearer mean; its distance is the length of the diagonal of their common bounding box.
@@ -131,6 +140,8 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
         Norm for the length of a diagonal.
     key : int, optional
         Key of random numbers, in [0, 2**32).
+    silhouette : bool, optional
+        Use the clusters with the largest average silhouette width instead. It examines all pairs of boxes.
 
     References
     ----------
@@ -150,6 +161,8 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
         raise TypeError(f"norm must be 2 or inf, got {checks.shown(norm)}")
     if norm not in (2, np.inf):
         raise ValueError(f"norm must be 2 or inf, got {norm}")
+    checks.flag("silhouette", silhouette)
+    quality = partial(_narrowness, norm=norm) if silhouette else _cost
     weight = _structure.measure(low, high)
     center = 0.5 * low + 0.5 * high
 
@@ -162,7 +175,7 @@ def two_means_tree(low: ArrayLike, high: ArrayLike, *, tries: int = 4, norm: flo
             more = 1 + (random.uniform(size=len(start)) * (length - 1)).astype(np.int64)
             other = start + (one - start + more) % length
             side = _relax(*given, start, length, (given[2][one], given[2][other]), norm)
-            cost = _cost(*given[:2], side, start, length)
+            cost = quality(*given[:2], side, start, length)
             better = cost < least
             least[better] = cost[better]
             best = np.where(np.repeat(better, length), side, best)
@@ -229,4 +242,24 @@ def _cost(low: NDArray, high: NDArray, side: NDArray, start: NDArray, length: ND
         none = (count == 0)[:, None]
         area = _structure.measure(np.where(none, 0, lows), np.where(none, 0, highs))
         cost += np.where(count > 0, count * area, np.inf)
+    return cost
+
+
+def _narrowness(
+    low: NDArray, high: NDArray, side: NDArray, start: NDArray, length: NDArray, norm: float
+) -> NDArray[np.float64]:
+    """Return average silhouette widths of clusters times -1, infinite if one is empty."""
+    cost = np.full(len(start), np.inf)
+    for node, run in enumerate(map(slice, start, start + length)):
+        extent = np.maximum(high[run, None], high[run]) - np.minimum(low[run, None], low[run])
+        distance = np.linalg.norm(extent, norm, axis=-1)
+        np.fill_diagonal(distance, 0)
+        member = np.stack([~side[run], side[run]], axis=1)
+        size = member.sum(axis=0)
+        if size.all():
+            mean = distance @ member / np.maximum(size - member, 1)  # not counting the box itself
+            own, other = mean[member], mean[~member]
+            longer = np.maximum(own, other)
+            alone = (longer == 0) | (member @ size == 1)
+            cost[node] = -np.where(alone, 0, (other - own) / np.where(alone, 1, longer)).mean()
     return cost

@@ -8,6 +8,7 @@ import pytest
 from refusals import refused
 
 from analysis import trees
+from analysis.trees import _clusters
 
 
 def boxes(count, key, dims=3, size=0.3):
@@ -371,6 +372,34 @@ def test_two_means_are_fixed_points(norm):
     means = [np.average((low + high)[of] / 2, axis=0, weights=weights[of]) for of in parts]
     apart = [np.linalg.norm(np.maximum(high, m) - np.minimum(low, m), norm, axis=1) for m in means]
     assert set(np.flatnonzero(apart[0] <= apart[1])) == set(parts[0])
+
+
+def silhouette_width(low, high, parts):
+    """Return the average over boxes, each beside all boxes of its own part and of the other."""
+
+    def mean_distance(k, part):
+        return np.mean([np.linalg.norm(np.subtract(*around(low, high, [k, j]))) for j in part if j != k])
+
+    widths = []
+    for part, other in (parts, parts[::-1]):
+        for k in part:
+            a, b = (mean_distance(k, of) if len(of) > 1 or k not in of else None for of in (part, other))
+            widths.append(0 if a is None else (b - a) / max(a, b))
+    return np.mean(widths)
+
+
+def test_clusters_of_the_widest_silhouette():
+    """Widths by their definition, of two nodes; a wider silhouette than by Eq. 4.1."""
+    low, high = boxes(12, 4)
+    side = np.arange(12) % 5 == 1
+    found = _clusters._narrowness(low, high, side, np.array([0, 5]), np.array([5, 7]), 2)
+    nodes = [([0, 2, 3, 4], [1]), ([5, 7, 8, 9, 10], [6, 11])]
+    assert found == pytest.approx([-silhouette_width(low, high, parts) for parts in nodes])
+    widths = []
+    for silhouette in (False, True):
+        tree = trees.two_means_tree(low, high, tries=64, silhouette=silhouette)
+        widths.append(silhouette_width(low, high, [members(tree)[k] for k in tree.children[-1]]))
+    assert widths[0] < widths[1]
 
 
 def quadratic_split(low, high, of):

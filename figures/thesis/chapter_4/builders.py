@@ -27,20 +27,22 @@ CATASTROPHE = 2.0
 SLIGHTLY = 1.25
 
 SAH, CENTRES, UNWEIGHTED = "surface area heuristic", "2-means of centres", "area, not weighted"
+SILHOUETTE = "2-means by silhouette"
 VOLUME, BOTH = "volume in place of area", "volume + area"
 
 NOTE = (
     f"Summed areas and nodes of {{side}} x {{side}} primary rays relative to the tree of the surface "
     "area heuristic; one triangle per leaf. All but the last two builders take the split of least c(j), "
     "Eq. 4.1, among their candidates: along three axes, along one curve, or of two pairs of clusters. "
-    "2-means uses the metric for boxes; 'of centres' clusters points. Quadratic splits try all pairs of "
+    "2-means uses the metric for boxes; 'of centres' clusters points, 'by silhouette' takes clusters with "
+    "the largest average silhouette width, in place of the least Eq. 4.1. Quadratic splits try all pairs of "
     f"boxes, feasible for at most {QUADRATIC}; 'filled' keeps 40 % of the boxes in each group. 'volume', "
     "'volume + area', both in units of the scene's box, and 'not weighted', without numbers of boxes, are "
     "other costs in place of Eq. 4.1. The fan: "
     f"{FAN} triangles around a vertex, each 0.9 times as wide as the one before; its tree by quadratic "
     f"splits is {{depth}} levels deep, by the heuristic {{least}}. Not drawn: without numbers of boxes one "
-    f"knot has {{depth_of_knot:.0f}} levels on average. A sharper bound, one split ahead, on {{sets}} sets "
-    f"of {{count}} random boxes."
+    f"knot has {{depth_of_knot:.0f}} levels on average. A sharper bound, one split ahead, and silhouettes: "
+    f"also on {{sets}} sets of {{count}} random boxes."
 )
 
 
@@ -60,6 +62,7 @@ def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
     )
     if len(low) <= QUADRATIC:
         found[UNWEIGHTED] = lambda: trees.surface_area_tree(low, high, cost=lambda _, e: _area_of(e))
+        found[SILHOUETTE] = partial(trees.two_means_tree, low, high, tries=2, silhouette=True)
         found["quadratic split"] = partial(trees.quadratic_split_tree, low, high)
         found["quadratic split, filled"] = partial(trees.quadratic_split_tree, low, high, fill=0.4)
     return found
@@ -86,8 +89,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         measured[name] = _of_mesh(mesh(), side)
         progress(done / len(compared))
     fan = _fan()
-    sharper = _sharper_trees(*SETS[quality])
-    worse = {kind: judged.ratio(*of) for kind, of in sharper.items()}
+    sharper, depths = _trees_of_random_boxes(*SETS[quality])
+    worse, deeper = ({kind: judged.ratio(*of) for kind, of in found.items()} for found in (sharper, depths))
     others = [way for way, of in measured["one knot"].items() if isinstance(of, dict)]
     others = [way for way in others if way not in (SAH, UNWEIGHTED)]
     claims = {
@@ -113,6 +116,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             > 2 * measured["one knot"][SAH]["mean leaf depth"]
         ),
         "and inefficient: more nodes": _nodes(measured["one knot"], UNWEIGHTED) > 1,
+        "by silhouette width trees are very deep: twice the mean leaf depth": {
+            kind: judged.smaller(heuristic, silhouette, 0.5)
+            for kind, (silhouette, heuristic) in depths.items()
+        },
         "area works better than volume: fewer nodes": {
             mesh: _nodes(of, VOLUME) > 1 for mesh, of in measured.items()
         },
@@ -132,7 +139,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     numbers = {
         "measured": {"meshes": measured, "depth of the fan": fan}
-        | {"summed area by a sharper bound / by the heuristic": worse},
+        | {"summed area by a sharper bound / by the heuristic": worse}
+        | {"mean leaf depth by silhouette / by the heuristic": deeper},
         "claims": claims,
         "note": NOTE.format(
             side=side,
@@ -176,20 +184,28 @@ def _of_mesh(mesh: meshes.Mesh, side: int) -> dict[str, Any]:
     return found | {"triangles": len(mesh.triangles)}
 
 
-def _sharper_trees(sets: int, count: int) -> dict[str, tuple[list[float], list[float]]]:
-    """Return summed areas by a sharper bound and by the heuristic, of sets of random boxes of two kinds."""
-    found: dict[str, tuple[list[float], list[float]]] = {}
+Pairs = dict[str, tuple[list[float], list[float]]]
+"""By kind of boxes: of another tree, and of the heuristic's."""
+
+
+def _trees_of_random_boxes(sets: int, count: int) -> tuple[Pairs, Pairs]:
+    """Return summed areas by a sharper bound, and mean leaf depths by silhouettes, of sets of boxes."""
+    areas: Pairs = {}
+    depths: Pairs = {}
     for kind, power in (("alike", 1), ("of many sizes", 8)):
-        sharper, heuristic = found[kind] = [], []
+        areas[kind], depths[kind] = ([], []), ([], [])
         for key in range(sets):
             random = np.random.default_rng(key)
             low = random.uniform(size=(count, 3))
             high = low + 0.5 * random.uniform(size=low.shape) ** power
-            tree = trees.surface_area_tree(low, high)
-            heuristic.append(trees.summed_area(tree))
-            children = _split_ahead(low, high)
-            sharper.append(trees.summed_area(trees.refitted(replace(tree, children=children), low, high)))
-    return found
+            heuristic = trees.surface_area_tree(low, high)
+            ahead = trees.refitted(replace(heuristic, children=_split_ahead(low, high)), low, high)
+            silhouette = trees.two_means_tree(low, high, silhouette=True)
+            for k, tree in enumerate((ahead, heuristic)):
+                areas[kind][k].append(trees.summed_area(tree))
+            for k, tree in enumerate((silhouette, heuristic)):
+                depths[kind][k].append(leaf_depths(tree)[1])
+    return areas, depths
 
 
 def _split_ahead(low: NDArray, high: NDArray) -> NDArray[np.int64]:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures._rc import BLACK, BLUE, GREEN, LETTERS, PURPLE, VERMILLION
+from figures._rc import BLACK, BLUE, GREEN, LETTERS, ORANGE, PURPLE, VERMILLION
 from figures.plot import Style
 from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
 from figures.thesis.chapter_4 import meshes
@@ -77,16 +77,20 @@ SCENES: dict[str, dict[str, Callable[[], Moving]]] = {
 }
 
 TICKS = (2, 4, 8, 16, 32, 64)
-WHOLE, HALF, INTERPOLATED = (
+WHOLE, HALF, INTERPOLATED, REFITTED = (
     "whole shutter",
     "interpolated, tree of half-way",
     "interpolated, tree of the whole",
+    "tree of the first part, refitted",
 )
+DEGRADED = 1.1
+"""As many nodes as of a new tree, or more."""
 STYLES = {
     WHOLE: (BLACK, "o"),
     INTERPOLATED: (BLUE, "s"),
     HALF: (PURPLE, "D"),
     "trees of parts": (VERMILLION, "^"),
+    REFITTED: (ORANGE, "<"),
     "split, kappa": (GREEN, "v"),
 }
 
@@ -96,7 +100,8 @@ NOTE = (
     "box over all times, the mean over lines spread evenly in space and time. Visited nodes: {side} x "
     "{side} primary rays, each at its own time. A box counts once per stored time or part. "
     "Interpolated boxes are stored for all times; 'half-way' uses the tree for the middle of the "
-    "shutter. Each of the 2 to {parts} parts of the shutter has its own tree (Eq. 4.7). Triangles split "
+    "shutter. Each of the 2 to {parts} parts of the shutter has its own tree (Eq. 4.7), or that of the "
+    "first of {parts} with its boxes fitted anew (4.2.2). Triangles split "
     "in time have up to {most} parts, with at most 1 / kappa of the area if that is enough, in one tree "
     "over boxes in space and time, areas weighted by duration. In the hail a small triangle flies along "
     "the scene's diagonal."
@@ -117,17 +122,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     found: dict[str, dict[str, Way]] = {}
     counts: dict[str, dict[str, float]] = {}
     boxes: dict[str, dict[str, float]] = {}
+    degraded: dict[str, dict[str, float]] = {}
     knots = 0
     for done, name in enumerate(SCENES, start=1):
         scene = SCENES[name][quality]()
         knots = max(knots, len(scene.times))
-        found[name], counts[name], boxes[name] = _of_scene(scene, quality)
+        found[name], counts[name], boxes[name], degraded[name] = _of_scene(scene, quality)
         progress(done / len(SCENES))
     measured = {
         name: {
             "ways": {way: of._asdict() for way, of in found[name].items()},
             "parts of triangles / triangles, by kappa": counts[name],
             "largest box of a triangle / that of all": boxes[name],
+            "nodes, refitted / new tree, by part": degraded[name],
         }
         for name in SCENES
     }
@@ -143,6 +150,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "a tree for each part of the shutter fits better: fewer nodes are visited, the more parts": {
             name: all(of[after].visited < of[before].visited for before, after in pairwise(ways))
             for name, of in found.items()
+        },
+        "refitted trees do for the next part of the shutter, and degrade: a tenth more nodes in the last": {
+            name: of["2"] < DEGRADED < of[str(PARTS[quality][-1])] for name, of in degraded.items()
         },
         "the box of a small triangle on the diagonal is as large as the scene": boxes["hail"]["whole"] > 0.95,
         "parts of the shutter ameliorate that": boxes["hail"][f"{PARTS[quality][-1]} parts"] < 0.05,
@@ -170,7 +180,9 @@ def _split(kappa: float) -> str:
     return f"split, kappa: {kappa:g}"
 
 
-def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, float], dict[str, float]]:
+def _of_scene(
+    scene: Moving, quality: str
+) -> tuple[dict[str, Way], dict[str, float], dict[str, float], dict[str, float]]:
     times, vertices = scene.times, scene.triangles
     low, high = meshes.corners(vertices)
     whole = trees.boxes_during(low, high, times)
@@ -192,27 +204,36 @@ def _of_scene(scene: Moving, quality: str) -> tuple[dict[str, Way], dict[str, fl
         INTERPOLATED: way(trees.refitted(tree, low, high, times)),
         HALF: way(trees.refitted(middle, low, high, times)),
     }
+    degraded: dict[str, float] = {}
     largest = {"whole": float(trees.surface_area(*whole).max()) / everything}
     for parts in PARTS[quality]:
         cuts = np.linspace(0, 1, parts + 1)
         own = np.minimum((when * parts).astype(int), parts - 1)
-        visited, expected, most = 0.0, 0.0, 0.0
+        names = [_parts(parts)] + [f"{REFITTED}: {parts}"] * (parts == PARTS[quality][-1])
+        visited, expected = np.zeros((2, len(names), parts))
+        first, most = None, 0.0
         for part in range(parts):
             boxes = trees.boxes_during(low, high, times, cuts[part], cuts[part + 1])
-            of_part, now = trees.surface_area_tree(*boxes), own == part
+            new, now = trees.surface_area_tree(*boxes), own == part
+            first = first or new
             few = Rays(rays.origin[now], rays.direction[now])
             distance = trees.triangle_distances(vertices, *few, times=times, time=when[now])
-            visited += float(trace(of_part, few, distance).visits.sum()) / len(when)
-            expected += trees.summed_area(of_part) / everything / parts
+            for k, tree in enumerate((new, trees.refitted(first, *boxes))[: len(names)]):
+                visited[k, part] = trace(tree, few, distance).visits.sum() / len(when)
+                expected[k, part] = trees.summed_area(tree) / everything
             most = max(most, float(trees.surface_area(*boxes).max()) / everything)
-        found[_parts(parts)] = Way(expected, visited, parts * (2 * count - 1) / count)
+        for name, nodes, areas in zip(names, visited, expected, strict=True):
+            found[name] = Way(float(areas.mean()), float(nodes.sum()), parts * (2 * count - 1) / count)
         largest[f"{parts} parts"] = most
+        degraded = {
+            f"{part}": float(kept / new) for part, (new, kept) in enumerate(visited[[0, -1]].T, start=1)
+        }
     counts = {}
     for kappa in KAPPAS[quality]:
         lows, highs, number = trees.split_in_time(low, high, times, kappa, most=MOST)
         found[_split(kappa)] = way(trees.surface_area_tree(lows, highs), number)
         counts[f"{kappa:g}"] = len(number) / count
-    return found, counts, largest
+    return found, counts, largest, degraded
 
 
 def _draw(found: dict[str, dict[str, Way]]) -> Figure:

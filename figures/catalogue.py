@@ -121,6 +121,8 @@ TITLES = {
     "hilbert-3": "Radical inverses leave regular structures along all four curves",
     "hilbert-4": "Scrambling leaves correlations along the curves: Morton's stripes stay",
     "hilbert-5": "Along the Hilbert curve the error is about that of the global sequence",
+    "hilbert-cache": "Along the Hilbert curve a small cache of tree nodes misses less than in rows",
+    "hilbert-halftone": "Halftones along the Hilbert curve have no preferred direction",
     "z-1": "At one sample per pixel the error of Z is blue noise, that of the (0,2)-sequence white",
     "z-2": "The Morton order interleaves the bits of row and column",
     "z-3": "The Morton order diffuses the error, scrambling removes its preferred directions",
@@ -142,7 +144,7 @@ OUR_SCENE = frozenset(
     """
     thesis-3.1.5 thesis-3.2.1 thesis-3.3 thesis-3.3.4 thesis-3.5 thesis-3.6 thesis-3.8 thesis-4.1
     thesis-table-4.2 thesis-table-4.3 thesis-3.11 thesis-6.5 thesis-6.6 thesis-6.7 thesis-6.8
-    hilbert-5 z-1 z-3 z-9 z-10 z-11 z-12 z-splitting z-table-1
+    hilbert-5 hilbert-cache hilbert-halftone z-1 z-3 z-9 z-10 z-11 z-12 z-splitting z-table-1
     """.split()
 )
 """Figures whose scene stands in for the paper's, which is not published."""

@@ -20,6 +20,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import known, require
 
 Distances = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float64]]
+Visit = Callable[[NDArray[np.int64], NDArray[np.int64]], object]
 
 
 def nodes_visited(
@@ -30,6 +31,7 @@ def nodes_visited(
     *,
     time: ArrayLike | None = None,
     nearest_first: bool = True,
+    visit: Visit | None = None,
 ) -> NDArray[np.int64]:
     """Count the nodes, including leaves, whose boxes rays enter during traversal: int64 (...).
 
@@ -50,6 +52,9 @@ def nodes_visited(
     nearest_first : bool, optional
         False: of two children that are hit, the first is the one that comes first in the direction of the
         ray, along the axis on which their centres are farthest apart.
+    visit : callable, optional
+        Called at each step of the traversal with numbers of rays in flattened order and the node that each
+        of them visits, both int64 (m,). A ray's nodes come in the order of its visits.
 
     References
     ----------
@@ -67,6 +72,8 @@ def nodes_visited(
     checks.flag("nearest_first", nearest_first)
     if distance is not None:
         checks.function("distance", distance, "of numbers of rays and of leaves", 2)
+    if visit is not None:
+        checks.function("visit", visit, "of numbers of rays and of nodes", 2)
     shape, start, toward = flat_rays(origin, direction)
     timed = tree.times is not None or tree.low.shape[-1] == 4
     if timed and time is None:
@@ -78,7 +85,7 @@ def nodes_visited(
         inverse = 1 / toward
         inverse[np.isinf(inverse)] = np.inf
         first = None if nearest_first else _along_axes(tree, inverse)
-        return _count(tree, start, inverse, when, distance, first).reshape(shape)
+        return _count(tree, start, inverse, when, distance, first, visit).reshape(shape)
 
 
 def _along_axes(tree: Tree, inverse: NDArray) -> Callable[[NDArray, NDArray], NDArray[np.bool_]]:
@@ -103,6 +110,7 @@ def _count(
     when: NDArray,
     distance: Distances | None,
     is_first: Callable[[NDArray, NDArray], NDArray[np.bool_]] | None,
+    visit: Visit | None,
 ) -> NDArray[np.int64]:
     rays = len(start)
     count, limit = np.zeros(rays, np.int64), np.full(rays, np.inf)
@@ -116,6 +124,8 @@ def _count(
     node = np.full(len(active), root)
     while len(active):
         count[active] += 1
+        if visit is not None:
+            visit(active, node)
         leaf = node < tree.size
         if distance is not None and leaf.any():
             here = active[leaf]

@@ -259,7 +259,7 @@ def test_lines_meet_nodes_in_proportion_to_areas(way):
 
 
 def visits(tree, origin, direction, vertices, nearest_first=True):
-    """Go through a tree with a recursion: the number of visited nodes and the distance of the hit."""
+    """Go through a tree with a recursion: the visited nodes and the distance of the hit."""
 
     def along(pair):
         """Return the children as they come along the axis on which they are farthest apart."""
@@ -279,17 +279,17 @@ def visits(tree, origin, direction, vertices, nearest_first=True):
             try:
                 distance, u, v = np.linalg.solve(np.stack([-direction, b - a, c - a], 1), origin - a)
             except np.linalg.LinAlgError:
-                return 1, limit
-            return 1, min(limit, distance) if min(u, v, distance, 1 - u - v) > 0 else limit
-        count = 1
+                return [node], limit
+            return [node], min(limit, distance) if min(u, v, distance, 1 - u - v) > 0 else limit
+        seen = [node]
         pair = tree.children[node - tree.size]
         for child in sorted(pair, key=entry) if nearest_first else along(pair):
             if entry(child) < limit:
                 more, limit = go(child, limit)
-                count += more
-        return count, limit
+                seen += more
+        return seen, limit
 
-    return go(2 * tree.size - 2, np.inf) if entry(2 * tree.size - 2) < np.inf else (0, np.inf)
+    return go(2 * tree.size - 2, np.inf) if entry(2 * tree.size - 2) < np.inf else ([], np.inf)
 
 
 def soup(count, key, size=0.4):
@@ -299,16 +299,19 @@ def soup(count, key, size=0.4):
 
 @pytest.mark.parametrize("nearest_first", [True, False])
 def test_traversal_is_that_of_a_recursion(nearest_first):
-    """With hits, from inside and outside; without rays; the order of rays does not matter."""
+    """Node by node, with hits, from inside and outside; without rays; the order of rays does not matter."""
     vertices = soup(40, 1)
     tree = trees.optimal_subtrees(trees.surface_area_tree(vertices.min(axis=1), vertices.max(axis=1)))
     rng = np.random.default_rng(3)
     origin, direction = rng.normal(size=(150, 3)), rng.normal(size=(150, 3))
     distance = trees.triangle_distances(vertices, origin, direction)
     order = {"nearest_first": nearest_first}
-    found = trees.nodes_visited(tree, origin, direction, distance, **order)
+    steps = []
+    found = trees.nodes_visited(tree, origin, direction, distance, **order, visit=lambda *s: steps.append(s))
     expected = [visits(tree, o, d, vertices, **order)[0] for o, d in zip(origin, direction, strict=True)]
-    assert np.array_equal(found, expected) and found.dtype == np.int64
+    assert np.array_equal(found, [len(nodes) for nodes in expected]) and found.dtype == np.int64
+    ray, node = (np.concatenate(parts) for parts in zip(*steps, strict=True))
+    assert [node[ray == k].tolist() for k in range(150)] == expected
     assert np.any(found < trees.nodes_visited(tree, origin, direction))
     assert trees.nodes_visited(tree, np.zeros((0, 3)), [0, 0, 1]).shape == (0,)
     square = trees.nodes_visited(

@@ -10,10 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared import judged
+from figures.shared import judged, meshes
+from figures.shared.meshes import Rays, leaf_depths, trace
 from figures.shared.sheets.panels import legend_below, name_axes, new_figure
-from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays, leaf_depths, trace
 
 SIDE = {"draft": 24, "paper": 96}
 FAN = 200

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from analysis import trees
 from figures._rc import BLACK, BLUE, GREEN, LETTERS, ORANGE, PURPLE, VERMILLION
 from figures.plot import Style
+from figures.shared import meshes
+from figures.shared.meshes import Mesh, Rays, helicopter_parts, knots, terrain, trace
 from figures.shared.sheets.panels import curve, legend_below, name_axes, new_figure
-from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Mesh, Rays, helicopter_parts, knots, terrain, trace
 
 SIDE = {"draft": 24, "paper": 96}
 PARTS = {"draft": (2, 8), "paper": (2, 4, 8, 16)}

@@ -9,11 +9,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from analysis import trees
-from figures.shared import judged
+from figures.shared import judged, meshes
 from figures.shared.costs import in_turns, timed
+from figures.shared.meshes import Rays, bounce, leaf_depths, trace
 from figures.shared.sheets.panels import new_figure, text_table
-from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays, bounce, leaf_depths, trace
 
 SIZE = {"draft": "draft", "paper": "large"}
 """Of the meshes."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLUE, ORANGE
+from figures.shared import meshes
+from figures.shared.meshes import Rays, trace
 from figures.shared.sheets.image_sheets import Row, image_sheet
 from figures.shared.sheets.panels import new_figure
-from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays, trace
 
 SIDE_4_1 = {"draft": 54, "paper": 189}
 

@@ -144,8 +144,9 @@ def scrambled_morton(
     Over the keys all 24 permutations of each node are equally likely. "multiplicative" lacks independence:
     over the nodes of a level all permutations are equally frequent, but the permutation of a node leaves only
     two choices for its sibling. It hashes prefixes as numbers, without leading zeros: on the path to pixel
-    (0, 0) all permutations equal that of the root. The golden ratio is truncated to 32 bits, and the
-    numbering of the 24 permutations is ours: the paper gives none.
+    (0, 0) all permutations equal that of the root. The golden ratio is truncated to 32 bits, so dimension
+    d + 3 repeats d with each aligned block of ``2 g`` nodes reversed, where g is the largest power of two
+    that divides d. The numbering of the 24 permutations is ours: the paper gives none.
 
     References
     ----------

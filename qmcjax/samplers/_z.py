@@ -43,6 +43,7 @@ def z(
     variant : {"plain", "hash", "multiplicative", "tree", "art"}
         "plain" is Z0 of the paper: Morton order for all constituents. Their coordinates repeat: use a joint
         ``sequence`` for more than two dimensions. For the others see :func:`qmcjax.orders.scrambled_morton`.
+        The paper's Z_hash is "multiplicative"; "hash" mixes more.
         "tree" and "art" share one production among all constituents, with separate permutations (Eq. 13 to
         18); "tree" also starts at separate letters.
     dims : int, optional

@@ -274,8 +274,9 @@ def test_the_printed_hash_repeats_itself_in_dimension_d_plus_3():
     def digits(i, dim):
         return ((i ^ np.uint64(0x55555555 * dim % 2**32)) * np.uint64(0x9E3779B9) % 2**32) * 24 >> 32
 
-    for dim, swap in ((1, 1), (2, 3), (3, 1)):
-        assert np.array_equal(digits(node, dim), digits(node ^ np.uint64(swap), dim + 3))
+    for dim in range(1, 100):
+        reverse = np.uint64(2 * (dim & -dim) - 1)
+        assert np.array_equal(digits(node, dim), digits(node ^ reverse, dim + 3))
 
 
 def z_point(x, y, sample, log_side, log_spp, dim):

@@ -12,6 +12,9 @@ import pytest
 import analysis
 import qmcjax as qj
 from analysis import trees
+from figures._errors import rms
+from figures.shared import judged
+from figures.shared.rendered import diffusion, scene_images
 from qmcjax import orders, samplers, scenes, sequences
 
 
@@ -85,6 +88,28 @@ def test_permutations_improve_the_halton_sequence():
         ]
         assert found[0] < 0.5 * found[1]
         assert found[1] < 0.95 * found[2]
+
+
+@pytest.mark.slow
+def test_shifted_lattices_of_random_vectors_err_as_the_global_sequence(tmp_path):
+    """Sect. 3 and 4.1, the interior at 64 samples: by 16 odd vectors, all better than the one of Fig. 5."""
+    side, spp, scene, halton = 64, 64, scenes.interior(2), sequences.halton(12, "faure_lemieux")
+    kept, area = diffusion.find_kept(scene, side), diffusion.beside_window(side)
+
+    def error(sampler):
+        return rms((scene_images.replicate(scene, sampler, side, spp) - kept.image)[area])
+
+    def shifted(vector):
+        return error(samplers.shifted(orders.hilbert(side, side), halton, vector))
+
+    errors = []
+    for key in range(16):
+        vector = 2 * np.random.default_rng(key).integers(0, 2**31, 12) + 1
+        (tmp_path / "vector.txt").write_text("\n".join(map(str, vector)))
+        errors.append(shifted(sequences.read_lattice(tmp_path / "vector.txt")))
+    whole = error(samplers.full_screen(halton, side, side))
+    assert judged.alike(errors, [whole] * 16, 1.1) is True
+    assert max(errors) < shifted(sequences.lattice(12)) > 1.2 * whole
 
 
 @pytest.mark.slow

@@ -18,6 +18,11 @@ CUDA = """\
 #include <math.h>
 #include <string.h>
 static inline float __uint_as_float(unsigned bits) { float f; memcpy(&f, &bits, 4); return f; }
+static inline unsigned __brev(unsigned v) {
+  unsigned r = 0;
+  for (int k = 0; k < 32; k++) r |= (v >> k & 1u) << (31 - k);
+  return r;
+}
 static inline unsigned __float_as_uint(float f) { unsigned bits; memcpy(&bits, &f, 4); return bits; }
 """
 

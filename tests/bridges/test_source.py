@@ -1,5 +1,6 @@
 """Samplers, sequences, orders and scenes as source code: the same bits in every language."""
 
+import ctypes
 import re
 
 import compiled
@@ -15,6 +16,7 @@ import webgl
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.bridges import source
 from qmcjax.bridges._padding import padding_pair, padding_pixel
+from qmcjax.bridges._source._languages import C, Cuda
 
 MANY, FEW = 2**16, 2**12
 """Random arguments: drivers of shaders without a graphics card take seconds for a million."""
@@ -128,8 +130,9 @@ def test_every_kind_of_object_has_the_same_bits(part, tmp_path):
 
 
 @pytest.mark.parametrize("kind, name", SOME, ids=lambda value: value)
-def test_cuda_is_c_but_for_its_words(kind, name):
+def test_cuda_is_c_but_for_its_words(kind, name, monkeypatch):
     """So it has the same bits. Some are compiled above, and the page's is compiled for a device."""
+    monkeypatch.setitem(Cuda.functions, "reverse", C.functions["reverse"])  # Longer names fold lines.
     value = made(kind, name)
     c, cuda = (re.split("^#.*\n", source(value, None, to), flags=re.M)[-1] for to in ("c", "cuda"))
     assert "__device__" in cuda
@@ -140,7 +143,64 @@ def test_cuda_is_c_but_for_its_words(kind, name):
         ("__float_as_uint", "qmcjax_as_word"),
     ):
         cuda = cuda.replace(word, other)
-    assert cuda == c
+    assert cuda.strip() == c.partition("\nQMCJAX_ROW")[0].strip()
+
+
+ROW = """
+void run_row(uint32_t count, uint32_t x, uint32_t y, uint32_t first, float *out) {
+  mine_row(mine_prepare(x, y, mine_seeds), first, count, mine_seeds, out);
+}
+"""
+
+
+@pytest.mark.skipif(bool(compiled.missing("gcc")), reason="no gcc")
+@pytest.mark.parametrize("name", ["independent, owen", "ranked", *tables.slow("designed", "z, tree")])
+def test_samples_in_rows_have_the_same_bits(name, tmp_path):
+    """Many are computed at once, with the flags that the comment recommends."""
+    sampler = tables.SAMPLERS[name]
+    flags = ["-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math"]
+    made = compiled.library(tmp_path, source(sampler, None) + ROW, "gcc", flags)
+    first, count = 1, min(37, sampler.limits[2] - 1)
+    out = np.zeros((sampler.dims, count), np.float32)
+    made.run_row(*map(ctypes.c_uint32, (count, 3, 5, first)), out.ctypes.data_as(ctypes.c_void_p))
+    samples = first + np.arange(count, dtype=np.uint32)
+    expected = sampler(np.uint32(3), np.uint32(5), samples, tuple(range(sampler.dims)))
+    assert equal(np.ascontiguousarray(out.T), np.asarray(expected))
+
+
+class Swapped:
+    """Swaps halves of a word, then bytes, ...: with all of these steps, it reverses the word."""
+
+    dims = 1
+
+    def __init__(self, *steps):
+        self.steps = steps
+
+    def __call__(self, x, y, sample, dims, dtype):
+        word = sample * np.uint32(2654435769) + x
+        word = (word << 16) | (word >> 16)
+        for by, mask in self.steps:
+            word = ((word & np.uint32(mask)) << by) | ((word >> by) & np.uint32(mask))
+        return (word >> 8).astype(jnp.float32)[..., None] * np.float32(2**-24)
+
+
+STEPS = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
+
+
+@pytest.mark.parametrize(
+    "steps", [STEPS, STEPS[:3], STEPS[1:], (*STEPS[:3], (1, 0x55555554)), (*STEPS, (1, 0x55555555))]
+)
+def test_reversals_of_all_bits_are_one_instruction(steps, tmp_path):
+    """A missing step or another mask is computed as it stands; a further step follows a reversal."""
+    sampler, whole = Swapped(*steps), STEPS == steps[:4]
+    names = {"c": "qmcjax_reverse", "wgsl": "reverseBits", "hlsl": "reversebits", "cuda": "__brev"}
+    for language, name in names.items():
+        text = source(sampler, None, language)
+        own = re.split(r"(?:void|fn) mine_(?:sample|pair)\(", text)[1]
+        assert own.count(f"{name}(") == whole
+    given = webgl.drawn(FEW, (16, 16, 2**31))
+    expected = np.asarray(sampler(*given, (0,), jnp.float32))
+    assert equal(compiled.run(tmp_path, source(sampler, None), "sampler", "gcc", given, 1), expected)
 
 
 @pytest.mark.skipif(webgl.CHROMIUM is None, reason="no chromium (Debian: chromium)")

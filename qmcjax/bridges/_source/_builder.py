@@ -13,7 +13,7 @@ from qmcjax.bridges._source._operations import (
     limits_of,
     may_be_nan,
 )
-from qmcjax.bridges._source._program import BOOL, Loop, Table, Value
+from qmcjax.bridges._source._program import BOOL, UINT, Loop, Table, Value
 
 TINY = 4
 """Largest table that is selected from."""
@@ -70,6 +70,8 @@ class Builder:
             # Constants come last.
             arguments = tuple(sorted(arguments, key=lambda a: (a.kind == "constant", a.number)))
         made = self._simpler(kind, dtype, arguments) or self._new(kind, dtype, arguments)
+        if kind == "or" and dtype == UINT and (word := _unreversed(made)) is not None:
+            made = self._new("reverse", UINT, (word,))
         if dtype.kind in "iu" and made.kind != "constant":
             low, high = limits_of(made)
             return self.constant(low, dtype) if low == high else made
@@ -259,6 +261,35 @@ class Builder:
         middle = 1 << ((len(values) - 1).bit_length() - 1)
         before, rest = index < middle, index - middle
         return self.select(before, self.choose(values[:middle], index), self.choose(values[middle:], rest))
+
+
+_SWAPS = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0xFFFFFFFF))
+_SHIFTS = {("shift_left",), ("shift_right_logical",), ("shift_left", "and"), ("and", "shift_right_logical")}
+
+
+def _unreversed(value: Value) -> Value | None:
+    """Return the word whose 32 bits a value has in reverse order, if neighbours, pairs, ... were swapped."""
+    for by, mask in _SWAPS:
+        if value.kind != "or":
+            return None
+        one, other = (_unshifted(side, by, mask) for side in value.arguments)
+        if one is None or other is None or one[0] is not other[0] or one[1] == other[1]:
+            return None
+        value = one[0]
+    return value
+
+
+def _unshifted(value: Value, by: int, mask: int) -> tuple[Value, tuple[str, ...]] | None:
+    """Return what is shifted by a number of bits under a mask, and in which way."""
+    kinds: tuple[str, ...] = ()
+    for _ in range(1 if by == 16 else 2):
+        kinds = (*kinds, value.kind)
+        if len(value.arguments) != 2:
+            return None
+        value, known = value.arguments
+        if known.kind != "constant" or int(known.detail) != (mask if kinds[-1] == "and" else by):
+            return None
+    return (value, kinds) if kinds in _SHIFTS else None
 
 
 def widen(dtype: np.dtype) -> np.dtype:

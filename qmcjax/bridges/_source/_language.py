@@ -83,6 +83,8 @@ class Language:
     head_of: ClassVar[str] = "{kind} {name}({parameters})"
     """The head of a function."""
     uninitialized: ClassVar[str] = "{kind} {name};"
+    row: ClassVar[str] = ""
+    """A function of many samples of a pixel, for languages in which that is faster than one by one."""
 
     def head(self, text: str) -> str:
         """Return the text that must precede the functions."""

@@ -19,8 +19,31 @@ _INLINE = """\
 #else
 #define QMCJAX_INLINE static inline
 #endif
+#endif
+
+#ifndef QMCJAX_ROW
+#ifdef __GNUC__
+#define QMCJAX_ROW static __attribute__((noinline, unused))
+#else
+#define QMCJAX_ROW static inline
+#endif
 #endif"""
-"""Only inlined functions are vectorised in loops over samples, which is several times as fast."""
+"""Compilers vectorise loops over inlined functions, which is several times as fast; GCC only where the loop
+itself is not: knowing the first sample, it would compute parts of the next one at the end of each turn.
+"""
+
+_REVERSE = """\
+#ifndef QMCJAX_REVERSE
+#define QMCJAX_REVERSE
+{head}{kind} qmcjax_reverse({kind} v) {{
+    v = (v << 16u) | (v >> 16u);
+    v = ((v & 16711935u) << 8u) | ((v >> 8u) & 16711935u);
+    v = ((v & 252645135u) << 4u) | ((v >> 4u) & 252645135u);
+    v = ((v & 858993459u) << 2u) | ((v >> 2u) & 858993459u);
+    return ((v & 1431655765u) << 1u) | ((v >> 1u) & 1431655765u);
+}}
+#endif"""
+"""Bits of a word in reverse order, where a language has no instruction for it."""
 
 _CASTS = {
     f"qmcjax_as_{name}": f"""\
@@ -52,7 +75,7 @@ class C(Language):
         DOUBLE: "double",
         **{np.dtype(f"{kind}int{bits}"): f"{kind}int{bits}_t" for kind in ("", "u") for bits in (8, 16)},
     }
-    functions: ClassVar = {"abs": "fabs", "round_even": "rint", "rem": "fmod"}
+    functions: ClassVar = {"abs": "fabs", "round_even": "rint", "rem": "fmod", "reverse": "qmcjax_reverse"}
     has_64: ClassVar = True
     repeats: ClassVar = frozenset(("min", "max"))
     smallest: ClassVar = "(-2147483647 - 1)"
@@ -73,6 +96,14 @@ class C(Language):
     arrays: ClassVar = "const {kind} {name}[{size}]"
     filled: ClassVar = "{kind} {name}[{size}]"
     head_of: ClassVar = "QMCJAX_INLINE {kind} {name}({parameters})"
+    row: ClassVar = f"""\
+QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{
+    for (uint32_t k = 0; k < count; k++) {{{{
+        float point[{{size}}];
+        {{name}}_sample({{given}}, point);
+        for (int d = 0; d < {{size}}; d++) {RESULT}[(size_t)d * count + k] = point[d];
+    }}}}
+}}}}"""
 
     def literal(self, known: Any) -> str:
         if known.dtype == BOOL:
@@ -92,8 +123,13 @@ class C(Language):
 
     def head(self, text: str) -> str:
         casts = [cast for cast in _CASTS if f"{cast}(" in text]
-        lines = ["#include <math.h>", "#include <stdint.h>"] + ["#include <string.h>"] * bool(casts)
-        return "\n\n".join(["\n".join(lines), _INLINE, *(_CASTS[cast] for cast in casts)])
+        lines = ["#include <math.h>", "#include <stddef.h>", "#include <stdint.h>"] + [
+            "#include <string.h>"
+        ] * bool(casts)
+        parts = ["\n".join(lines), _INLINE, *(_CASTS[cast] for cast in casts)]
+        if "qmcjax_reverse(" in text:
+            parts.append(_REVERSE.format(head="QMCJAX_INLINE ", kind="uint32_t"))
+        return "\n\n".join(parts)
 
     def operation(self, value: Value, *given: str) -> str:
         kind, dtype = value.kind, value.dtype
@@ -124,6 +160,7 @@ class C(Language):
 class Cuda(C):
     """CUDA C++, for device code."""
 
+    functions: ClassVar = {**C.functions, "reverse": "__brev"}
     casts: ClassVar = {
         FLOAT: "__uint_as_float({value})",
         UINT: "__float_as_uint({value})",
@@ -133,6 +170,7 @@ class Cuda(C):
         LONG: "__double_as_longlong({value})",
     }
     array: ClassVar = f"static __device__ const{BRACED}"
+    row: ClassVar = ""
     head_of: ClassVar = "static __device__ inline {kind} {name}({parameters})"
 
     def head(self, text: str) -> str:
@@ -173,7 +211,7 @@ class Glsl(Shader):
     """GLSL ES 3.00, and GLSL 3.30."""
 
     types: ClassVar = {UINT: "uint", INT: "int", FLOAT: "float", BOOL: "bool"}
-    functions: ClassVar = {"round_even": "roundEven", "atan2": "atan"}
+    functions: ClassVar = {"round_even": "roundEven", "atan2": "atan", "reverse": "qmcjax_reverse"}
     repeats: ClassVar = frozenset(("rem",))
     layout: ClassVar = f", in rows of {COLUMNS} texels R32UI"
     as_float: ClassVar = "uintBitsToFloat({value})"
@@ -186,6 +224,9 @@ uint {{name}}_word(uint i) {{{{
 }}}}"""
     bound: ClassVar = "{name}_word({index})"
 
+    def head(self, text: str) -> str:
+        return _REVERSE.format(head="", kind="uint") if "qmcjax_reverse(" in text else ""
+
     def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
         if kind == "rem":
             return f"{given[0]} - {given[1]} * trunc({given[0]} / {given[1]})"
@@ -196,7 +237,7 @@ class Hlsl(Shader):
     """HLSL, Shader Model 4 and later."""
 
     types: ClassVar = Glsl.types
-    functions: ClassVar = {"round_even": "round", "rem": "fmod"}
+    functions: ClassVar = {"round_even": "round", "rem": "fmod", "reverse": "reversebits"}
     as_float: ClassVar = "asfloat({value})"
     as_integer: ClassVar = "as{kind}({value})"
     array: ClassVar = f"static const{BRACED}"
@@ -205,7 +246,7 @@ class Hlsl(Shader):
 
 class Wgsl(Shader):
     types: ClassVar = {UINT: "u32", INT: "i32", FLOAT: "f32", BOOL: "bool"}
-    functions: ClassVar = {"round_even": "round"}
+    functions: ClassVar = {"round_even": "round", "reverse": "reverseBits"}
     smallest: ClassVar = "i32(-2147483648)"
     result: ClassVar = ""
     suffix: ClassVar = "f"

@@ -49,6 +49,10 @@ def _shift(kind: str, a: Any, b: Any) -> Any:
     return np.where(zero, unsigned.type(0), moved).astype(a.dtype)
 
 
+def _reverse(word: Any) -> Any:
+    return word.dtype.type(int(f"{int(word):032b}"[::-1], 2))
+
+
 FOLDED: dict[str, Callable[..., Any]] = {
     **_ARITHMETIC,
     **_BITWISE,
@@ -59,6 +63,7 @@ FOLDED: dict[str, Callable[..., Any]] = {
     "min": np.minimum,
     "max": np.maximum,
     "sqrt": np.sqrt,
+    "reverse": _reverse,
     **{kind: lambda a, b, kind=kind: _shift(kind, a, b) for kind in SHIFTS},
 }
 """NumPy's function for each operation that is exact or correctly rounded."""
@@ -165,7 +170,7 @@ def _combine(kind: str, dtype: np.dtype, a: Any, b: Any) -> tuple[Any, Any] | No
             steps = {"add": int.__add__, "sub": int.__sub__, "mul": int.__mul__, "div": _truncate}
             ends = [steps[kind](x, y) for x, y in pairs]
         return min(ends), max(ends)
-    if real or a[0] < 0 or b[0] < 0:
+    if real or kind == "reverse" or a[0] < 0 or b[0] < 0:
         return None
     if kind == "and":
         return 0, min(a[1], b[1])

@@ -73,8 +73,9 @@ def source(
     str
         Functions that compute the same bits as ``sampler`` for float32, coordinates in [0, 1); the comment at
         the head explains how to call them. A sampler becomes a structure ``mine_pixel`` with
-        ``mine_prepare``, ``mine_sample``, the function ``mine`` that combines both, and ``mine_pair`` for
-        pairs of coordinates beyond those of the sampler. Seeds are arguments: one program serves all seeds.
+        ``mine_prepare``, ``mine_sample``, the function ``mine`` that combines both, ``mine_pair`` for pairs
+        of coordinates beyond those of the sampler, and in C ``mine_row`` for many samples of a pixel at once.
+        Seeds are arguments: one program serves all seeds.
         Constant arrays become tables; the attribute ``tables``, uint32 of shape (n,), contains the words of
         large ones, which the caller of a shader binds.
 
@@ -161,11 +162,17 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     writer.fill(f"{name}_sample", of_sample, state, ("s",), FLOAT, pixel)
     writer.fill(f"{name}_pair", of_pair, state, ("pair", "s"), FLOAT, pixel)
     writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
+    in_rows = writer.row(pixel, len(wanted))
     comment = _Comment(sampler, "A sampler", writer)
     comment.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
     comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_list(wanted)}")
     comment.call(name, "x, y, s", "both")
     comment.call(f"{name}_pair", "pixel, pair, s", "two coordinates beyond the sampler's, for any number")
+    if in_rows:
+        comment.call(
+            f"{name}_row", "pixel, first, count", "samples from first on: all of a coordinate, then of the"
+        )
+        comment.line("    next; many at once with -O3 -march=native -fno-math-errno -fno-trapping-math")
     named = zip("xys", limits, strict=True)
     known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
     comment.add(f"Arguments: {', '.join(known) or 'any words'}.")
@@ -237,6 +244,9 @@ class _Comment:
         filled = self._writer.language.result if result is None else ""
         before = f"{result or RESULT} = " if not filled else ""
         self._lines.append(f"  {before}{name}({given}{seeds}{filled}): {what}")
+
+    def line(self, text: str) -> None:
+        self._lines.append(text)
 
     def add(self, *lines: str) -> None:
         self._lines += ["", *lines]

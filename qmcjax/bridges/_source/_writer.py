@@ -257,6 +257,15 @@ class Writer:
         kind = self.language.type(dtype)
         self.add(self.language.filling(self.name, parameters, count, [call], kind))
 
+    def row(self, pixel: str, size: int) -> bool:
+        """Add a function of samples in a row, if the language has one."""
+        seeds = ["seeds"] if self.seeds.size else []
+        parameters = ", ".join([pixel, *self._parameters(("first", "count"))])
+        given = ", ".join(["pixel", "first + k", *seeds])
+        if row := self.language.row.format(name=self.name, parameters=parameters, given=given, size=size):
+            self.add(row)
+        return bool(row)
+
     @property
     def bound(self) -> NDArray[np.uint32]:
         """The words that the caller binds."""

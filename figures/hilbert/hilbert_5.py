@@ -22,9 +22,6 @@ REFERENCE_SPP = {"draft": 256, "paper": 16384}
 COUNTS = {"draft": (1, 4, 16), "paper": (1, 4, 16, 64)}
 """Samples per pixel."""
 
-PARTS = 4
-"""Along each side: the image in parts, over which errors are compared."""
-
 GLOBAL = "global Halton"
 ALONG = {
     "shifted lattice": "Hilbert, shifted lattice",
@@ -154,9 +151,8 @@ def _smooth(image: NDArray) -> NDArray[np.bool_]:
 
 def _by_area(error: NDArray, smooth: NDArray[np.bool_]) -> dict[str, Any]:
     left = ndimage.gaussian_filter(error, (1.5, 1.5, 0), mode="wrap")
-    parts = [part for rows in np.array_split(left, PARTS) for part in np.array_split(rows, PARTS, axis=1)]
     return {
-        "filtered error of parts": [rms(part) for part in parts],
+        "filtered error of parts": [rms(part) for part in diffusion.in_parts(left)],
         SMOOTH: rms(left[smooth]),
         ELSEWHERE: rms(left[~smooth]),
     }

@@ -16,9 +16,7 @@ from figures.shared.sheets.curve_tables import Curve, curve_of
 from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import orders, scenes
 
-SIDE, PARTS = 128, 4
-"""Pixels, and parts along each side over which errors are compared."""
-
+SIDE = 128
 HILBERT, MORTON, ROWS = "Hilbert", "Morton", "rows"
 PLANE, RANDOM = "Floyd-Steinberg", "random thresholds"
 ANISOTROPY, FILTERED = "anisotropy below 1/4 cycle per pixel, dB", "filtered error of parts"
@@ -86,11 +84,10 @@ def _diffuse_in_plane(image: NDArray[np.float64]) -> NDArray[np.float64]:
 def _measure(image: NDArray[np.float64], grey: NDArray[np.float64]) -> dict:
     error = image - grey
     left = ndimage.gaussian_filter(error, 1.5, mode="wrap")
-    parts = [part for rows in np.array_split(left, PARTS) for part in np.array_split(rows, PARTS, axis=1)]
     _, variation = analysis.radial_anisotropy(analysis.error_spectrum(image, grey))
     return {
         "filtered error": rms(left),
-        FILTERED: [rms(part) for part in parts],
+        FILTERED: [rms(part) for part in diffusion.in_parts(left)],
         ANISOTROPY: float(variation[: SIDE // 4].mean()),
     }
 

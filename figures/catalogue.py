@@ -110,6 +110,7 @@ TITLES = {
     "spp-slider": "One scene with eight samplers, from 1 to 256 samples per pixel",
     "screen-space": "Blocks of one sequence along a curve keep errors out of low frequencies",
     "designed-samplers": "Designed tiles beside other samplers, in animations, and for scenes",
+    "denoisers": "After a denoiser, regular errors can be the largest: it keeps them as a texture",
     "discrepancy-records": "Searched points have about half of Sobol's star discrepancy, and less in L2",
     "intervals": "Intervals hold what they promise, or say that they are not sure",
     "mitsuba-samplers": "Our samplers and Mitsuba's, in Mitsuba 3",

@@ -46,7 +46,7 @@ def image(
 
 
 def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) -> NDArray[np.float64]:
-    """Return images by samplers that differ in numbers only, such as those of several keys.
+    """Return images, of any channels, by samplers that differ in numbers only, such as those of several keys.
 
     Each step of the samplers is called once for all.
     """
@@ -54,7 +54,7 @@ def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) 
         sampler.check(side, side, spp)
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
     found = _means(scene, side, spp, x, y, partial(_points_of_keys, keyed))
-    return found.reshape(-1, side, side, 3)
+    return found.reshape(-1, side, side, found.shape[-1])
 
 
 def at_pixels(
@@ -173,4 +173,4 @@ def _evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
     flat = points.reshape(-1, points.shape[-1])
     calls = _calls(flat, POINTS)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])
-    return values[: len(flat)].reshape(*points.shape[:-1], 3)
+    return values[: len(flat)].reshape(*points.shape[:-1], -1)

@@ -27,6 +27,7 @@ COMMANDS = {
     "compare": "figures.compare.command",
     "export": "figures.commands.export",
     "keep": "figures.commands.keep",
+    "mask": "figures.commands.mask",
 }
 """Commands beside the figures, by the modules whose ``main`` they are.
 

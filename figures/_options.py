@@ -46,6 +46,7 @@ examples:
   qmcjax --distributed --out gallery    on all machines of a job, for example of SLURM
   qmcjax compare --help                 compare samplers: yours, ours, and those of others
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
+  qmcjax mask --help                    masks of blue noise of any size, as files
 
 Each figure becomes <name>.png in the output folder. numbers.json there contains what was measured beside what
 the papers print, and index.html shows the figures. A second run makes only figures that are missing or whose

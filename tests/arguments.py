@@ -74,6 +74,7 @@ def right_of_functions():
         "mitsuba.render_adaptive.spp": [32], "mitsuba.render_adaptive.tolerance": [0.5],
         "qmcjax.render_layers.sampler": [samplers.independent(sequences.sobol(3), 1)],
         "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
+        "qmcjax.samplers.blue_noise_mask.channels": [1], "qmcjax.samplers.blue_noise_mask.side": [16],
         "qmcjax.samplers.padded_replications.offsets": [sequences.sobol(4)],
         "qmcjax.samplers.randomized.spp": [4], "qmcjax.scenes.as_scene.value": [noun["scene"]],
         "qmcjax.scenes.soft_shadow.height": [0.4], "qmcjax.orders.as_order.value": [noun["order"]],

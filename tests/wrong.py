@@ -92,7 +92,7 @@ VALUES = {
     ),
     "qmcjax.orders.scrambled_morton": dict(alphabet=[16]),
     "qmcjax.recommend": dict(needs=[1, 251, ("x",)], frames=[0], size=[(0, 16)]),
-    "qmcjax.samplers.blue_noise_mask": dict(channels=[3]),
+    "qmcjax.samplers.blue_noise_mask": dict(channels=[0, 9], side=[1, 48, 1024], frames=[0, 65]),
     "qmcjax.samplers.dither": dict(mask=[np.zeros(4), np.zeros((0, 4))]),
     "qmcjax.samplers.full_screen": dict(
         net=[

@@ -35,9 +35,9 @@ TABLES: dict[str, tuple[Any, ...]] = {
     "optimized_joint.txt": ("joint_orders:table", SAMPLERS),  # A minute.
     "optimized_moving.txt": ("moving_orders:table", SAMPLERS),  # Minutes.
     "progressive.npz": ("progressive:table", SAMPLERS),  # Minutes.
-    "masks.npz": ("blue_noise:masks", SAMPLERS),  # Minutes.
-    "ranked.npz": ("blue_noise:ranked", SAMPLERS),  # Minutes.
-    "designed.npz": ("designed_tiles:table", SAMPLERS),  # Half an hour on two cores.
+    "masks.npz": ("tiles:both_masks", SAMPLERS),  # Minutes.
+    "ranked.npz": ("tiles:ranked", SAMPLERS),  # Minutes.
+    "designed.npz": ("tiles:table", SAMPLERS),  # Half an hour on two cores.
     "recommendations.csv": (
         "recommendations:table",
         CHOOSING,

@@ -1,38 +1,23 @@
-"""Masks of blue noise, keys of ranked samples, and designed tiles.
-
-Both the mask of vectors and the tables arrange a pool of 64**2 candidates, one for each pixel of a tile, to
-minimise an energy of pairs of close pixels. The usual method is annealing by swaps of two pixels. Here 64
-pixels are reassigned at a time: for pixels farther apart than the range of the energy, it is a sum of costs
-of single pixels, and the best of all 64! permutations solves a linear assignment problem.
-"""
+"""Masks of blue noise, keys of ranked samples, and designed tiles."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from analysis import Filter, design_samples
 from analysis._spectra.filters import autocorrelation
 from qmcjax import progress_bar, sequences
 from qmcjax.core.bits import owen_hash, reverse
+from qmcjax.samplers import masks
 from qmcjax.samplers.turned_tiles import tile_words
 
 SIDE = 64
 POOL = SIDE**2
-
-LARGE_SIDE = 128
-"""Of the void-and-cluster mask."""
-
-REACH = 8
-"""Pixels that are reassigned together differ by as much in at least one coordinate."""
-
-MASK_WIDTH = 2.1
-"""The weight of two pixels of a mask at distance r is exp(-(r / width)**2), by Georgiev and Fajardo."""
 
 FILTER = 1.5
 """Standard deviation in pixels of the Gaussian filter for the errors of ranked samples."""
@@ -54,104 +39,6 @@ HALF_SPACES, COMPONENTS = 1024, 64
 
 SWEEPS = 200
 """Mean number of reassignments per pixel."""
-
-Cost = Callable[[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]], NDArray[np.floating]]
-
-
-def void_and_cluster(rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Return the ranks of a dither mask, by R. Ulichney, "The void-and-cluster method", 1993.
-
-    The largest void of the ones is the tightest cluster of the zeros, since the filter's sums over both add
-    up to a constant on the torus: so the paper's second and third phase are one here. The sums are of
-    integers, so that ties do not depend on rounding.
-    """
-    distance = np.minimum(np.arange(LARGE_SIDE), LARGE_SIDE - np.arange(LARGE_SIDE))
-    bump = np.exp(-(distance[:, None] ** 2 + distance**2) / (2 * FILTER**2))
-    bump = np.rint(bump * 2.0**40).astype(np.int64)
-    bumps = np.tile(bump, (2, 2))
-    ones = np.zeros(LARGE_SIDE**2, bool)
-    density = np.zeros((LARGE_SIDE, LARGE_SIDE), np.int64)
-
-    def put(pixel: int, value: bool) -> None:
-        y, x = divmod(pixel, LARGE_SIDE)
-        bump_here = bumps[LARGE_SIDE - y : 2 * LARGE_SIDE - y, LARGE_SIDE - x : 2 * LARGE_SIDE - x]
-        density[...] += bump_here if value else -bump_here
-        ones[pixel] = value
-
-    def cluster() -> int:
-        return int(np.argmax(np.where(ones, density.ravel(), -1)))
-
-    def void() -> int:
-        return int(np.argmin(np.where(ones, np.iinfo(np.int64).max, density.ravel())))
-
-    for pixel in rng.permutation(ones.size)[: ones.size // 10]:
-        put(int(pixel), True)
-    while True:
-        tightest = cluster()
-        put(tightest, False)
-        largest = void()
-        put(largest, True)
-        if largest == tightest:
-            break
-    prototype, count = np.flatnonzero(ones), int(ones.sum())
-    ranks = np.empty(ones.size, np.uint16)
-    for rank in reversed(range(count)):
-        pixel = cluster()
-        put(pixel, False)
-        ranks[pixel] = rank
-    for pixel in prototype:
-        put(int(pixel), True)
-    for rank in range(count, ones.size):
-        pixel = void()
-        put(pixel, True)
-        ranks[pixel] = rank
-    return ranks.reshape(LARGE_SIDE, LARGE_SIDE)
-
-
-def far_apart(rng: np.random.Generator) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return 64 pixels of a sheared grid, at random: over time, any two occur together."""
-    column, row = np.mgrid[: SIDE // REACH, : SIDE // REACH].reshape(2, -1)
-    shear, top, left = rng.integers(REACH), rng.integers(SIDE), rng.integers(SIDE)
-    y, x = (REACH * row + top) % SIDE, (REACH * column + shear * row + left) % SIDE
-    return (y, x) if rng.integers(2) else (x, y)
-
-
-def neighbours(
-    tile: NDArray[np.int64], y: NDArray[np.int64], x: NDArray[np.int64], width: float
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return the candidates around pixels, shape (pixels, neighbours), and their weights, above 0.001."""
-    dy, dx = np.mgrid[1 - REACH : REACH, 1 - REACH : REACH].reshape(2, -1)
-    weight = np.exp(-(dy**2 + dx**2) / width**2)
-    near = (weight > 1e-3) & (weight < 1)
-    around = tile[(y[:, None] + dy[near]) % SIDE, (x[:, None] + dx[near]) % SIDE]
-    return around, weight[near].astype(np.float32)
-
-
-def arrange(cost: Cost, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Return a tile of low energy; ``cost(tile, y, x)`` is of each pixel with each of their candidates."""
-    tile = rng.permutation(POOL).reshape(SIDE, SIDE)
-    for _ in range(SWEEPS * REACH**2):
-        y, x = far_apart(rng)
-        _, best = linear_sum_assignment(cost(tile, y, x))
-        tile[y, x] = tile[y, x][best]
-    return tile
-
-
-def vector_mask(rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Return the ranks of a mask of vectors, whose values are a net.
-
-    The energy is that of I. Georgiev, M. Fajardo, "Blue-noise dithered sampling", 2016. Distances of
-    values are not toroidal: if they were, each channel alone would be far from blue.
-    """
-    ranks = np.asarray(sequences.sobol(2).bits(jnp.arange(POOL, dtype=jnp.uint32))) >> 20
-    values = (ranks / POOL).astype(np.float32)
-
-    def cost(tile: NDArray, y: NDArray, x: NDArray) -> NDArray:
-        around, weight = neighbours(tile, y, x, MASK_WIDTH)
-        difference = values[around][:, None] - values[tile[y, x]][None, :, None]
-        return np.exp(-(np.square(difference).sum(axis=-1) ** 0.5)) @ weight
-
-    return ranks[arrange(cost, rng)].astype(np.uint16)
 
 
 def arrange_keys(dims: int, rng: np.random.Generator) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
@@ -175,11 +62,11 @@ def arrange_keys(dims: int, rng: np.random.Generator) -> tuple[NDArray[np.uint16
     samples = (points[np.arange(SPP) ^ ranks[:, None]] ^ (keys[:, None] << 16)) / 2.0**32
     errors = error_components(samples, rng)
 
-    def cost(tile: NDArray, y: NDArray, x: NDArray) -> NDArray:
-        around, weight = neighbours(tile, y, x, 2 * FILTER)
-        return np.einsum("pnc,n->pc", errors[around], weight, optimize=True) @ errors[tile[y, x]].T
+    def cost(tile: NDArray, frame: int, y: NDArray, x: NDArray) -> NDArray:
+        around, weight = masks.neighbours(tile, frame, y, x, 2 * FILTER)
+        return np.einsum("pnc,n->pc", errors[around], weight, optimize=True) @ errors[tile[frame, y, x]].T
 
-    tile = arrange(cost, rng)
+    tile = masks.arrange(cost, 1, SIDE, SWEEPS, rng)[0]
     return keys[tile].astype(np.uint16), ranks[tile].astype(np.uint8)
 
 
@@ -202,11 +89,11 @@ def error_components(samples: NDArray[np.float64], rng: np.random.Generator) -> 
     return np.concatenate(vectors, axis=1).astype(np.float32)
 
 
-def masks() -> Iterator[dict[str, NDArray]]:
+def both_masks() -> Iterator[dict[str, NDArray]]:
     """Yield a mask of numbers and one of vectors."""
     yield {
-        "scalars": void_and_cluster(np.random.default_rng(1)),
-        "vectors": vector_mask(np.random.default_rng(1)),
+        "scalars": masks.void_and_cluster(128, 1, np.random.default_rng(1))[0].astype(np.uint16),
+        "vectors": masks.vectors(2, SIDE, 1, SWEEPS, np.random.default_rng(1))[0].astype(np.uint16),
     }
 
 

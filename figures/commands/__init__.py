@@ -1,1 +1,1 @@
-"""Commands beside the figures: export, keep."""
+"""Commands beside the figures: export, keep, mask."""

@@ -14,6 +14,7 @@ from qmcjax.core.bits import to_unit
 from qmcjax.core.draws import fractions
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._kinds import InEveryPixel
+from qmcjax.samplers.masks import mask_ranks
 from qmcjax.sequences import (
     BinarySequence,
     InTime,
@@ -127,40 +128,69 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     return Dithered(offsets, as_sequence("sequence", sequence))
 
 
-def blue_noise_mask(channels: int = 2) -> NDArray[np.float64]:
+_STORED = {1: (128, "scalars"), 2: (64, "vectors")}
+"""By channels: sides and names of masks that need not be made."""
+
+
+def blue_noise_mask(
+    channels: int = 2, side: int | None = None, frames: int | None = None
+) -> NDArray[np.float64]:
     """Return a tileable blue noise mask.
+
+    The default masks are stored. All others are made, by SciPy if they are vectors: keep the array, or let
+    ``qmcjax mask`` write it to a file. A mask of one channel and 512 x 512 pixels takes a minute, one of two
+    channels and 64 x 64 pixels seconds, in proportion to the pixels of all frames.
 
     Parameters
     ----------
-    channels : int
-        1 for scalars, 2 for vectors.
+    channels : int, in [1, 8]; 1 for scalars, more for vectors
+    side : int, optional
+        A power of two in [16, 512], by default 128 for scalars, 64 for vectors.
+    frames : int, in [1, 64], optional
+        For animations: the frames of a period. ``dither(mask[t], sequence)`` samples frame t.
 
     Returns
     -------
-    float64 array, shape (128, 128) or (64, 64, 2)
-        In (0, 1), exact in float32. Each value (k + 1/2) / n occurs once among the n pixels of a channel.
-        Except for the 1/2, the vectors are the first 4096 points of the Sobol' sequence, a (0,12,2)-net.
+    float64 array, shape (side, side), with ``channels`` > 1 (side, side, channels); before it (frames,)
+        In (0, 1), exact in float32. Each value (k + 1/2) / n occurs once among the n pixels of a frame in
+        each channel. Except for the 1/2, vectors are the first n points of the Sobol' sequence.
 
     Notes
     -----
-    Scalar masks were made by the void-and-cluster method [1]_, with a filter of standard deviation 1.5.
-    Vectors were arranged to minimise the energy of [2]_: the sum over pairs of pixels p, q with values u, v
-    in d = 2 dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``; only pixels wrap around.
+    Scalar masks are made by the void-and-cluster method [1]_, with a filter of standard deviation 1.5. With
+    frames, it adds up the pixels of a frame and the frames of a pixel [3]_; then each frame is ranked.
+    Vectors are arranged to minimise the energy of [2]_: the sum over pairs of pixels p, q with values u, v
+    in d dimensions of ``exp(-|p - q|**2 / 2.1**2 - |u - v|**(d/2))``, in one frame or in one pixel of two
+    frames; only pixels and frames wrap around. For scalars, voids and clusters leave less power at low
+    frequencies than this energy, in less time.
 
     References
     ----------
     .. [1] R. Ulichney, "The Void-and-Cluster Method for Dither Array Generation", 1993.
     .. [2] I. Georgiev, M. Fajardo, "Blue-noise Dithered Sampling", SIGGRAPH Talks, 2016.
+    .. [3] A. Wolfe, N. Morrical, T. Akenine-Moeller, R. Ramamoorthi, "Spatiotemporal Blue Noise Masks", 2022.
 
     Examples
     --------
     >>> mask = blue_noise_mask(1)
     >>> print(mask.shape, mask.min() * 2**15, mask.mean())
     (128, 128) 1.0 0.5
+    >>> print(blue_noise_mask(1, side=16, frames=4).shape)
+    (4, 16, 16)
     """
-    channels = checks.integer("channels", channels, 1, 2)
-    (ranks,) = tables.arrays("samplers", "masks.npz", "scalars" if channels == 1 else "vectors")
-    return (ranks + 0.5) / (ranks.shape[0] * ranks.shape[1])
+    channels = checks.integer("channels", channels, 1, 8)
+    stored, name = _STORED.get(channels, (64, ""))
+    side = checks.power_of_two("side", stored if side is None else side, 512)
+    if side < 16:
+        raise ValueError(f"side must be a power of two in [16, 512], got {side}")
+    count = 1 if frames is None else checks.integer("frames", frames, 1, 64)
+    if frames is None and name and side == stored:
+        (ranks,) = tables.arrays("samplers", "masks.npz", name)
+    else:
+        ranks = mask_ranks(channels, side, count)
+        ranks = ranks if channels > 1 else ranks[..., 0]
+        ranks = ranks[0] if frames is None else ranks
+    return (ranks + 0.5) / side**2
 
 
 @frozen_pytree

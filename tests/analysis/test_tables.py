@@ -1,5 +1,7 @@
 """The command that makes the data of the library again."""
 
+from pkgutil import resolve_name
+
 import pytest
 
 from analysis.tables import ROOMS, SEQUENCES, large_distances
@@ -10,6 +12,7 @@ FOREIGN = {"ckn_lattice_vector.txt", "faure_lemieux.txt", "README.md"}
 
 
 def test_each_file_of_the_library_has_a_program():
+    assert all(callable(resolve_name(f"analysis.tables.{program}")) for program, *_ in TABLES.values())
     assert len({folder for _, folder, *_ in TABLES.values()}) == len(ROOMS)
     shipped = {path for _, folder, *_ in TABLES.values() for path in folder.iterdir()}
     assert {path for path in shipped if path.name not in FOREIGN} == {

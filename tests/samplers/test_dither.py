@@ -10,8 +10,8 @@ from scipy.ndimage import gaussian_filter
 from tables import boxes, first, is_net, points_of, refuses
 
 from analysis import error_spectrum, radial_average
-from analysis.tables.tiles import void_and_cluster
 from qmcjax import samplers, sequences
+from qmcjax.samplers.masks import void_and_cluster
 
 SOBOL = sequences.sobol(2)
 MASKS = {channels: samplers.blue_noise_mask(channels) for channels in (1, 2)}
@@ -55,6 +55,30 @@ def test_masks_have_no_low_frequencies(mask, bound):
     assert (
         low_power(mask.reshape(-1)[np.random.default_rng(1).permutation(mask.size)].reshape(mask.shape)) > 0.5
     )
+
+
+@pytest.mark.parametrize(
+    ("channels", "side", "frames", "in_space", "in_time"),
+    [(1, 64, None, 0.005, 2), (3, 16, None, 0.15, 2), (1, 16, 8, 0.03, 0.15), (2, 16, 4, 0.2, 0.5)],
+)
+def test_masks_of_any_size(channels, side, frames, in_space, in_time):
+    """Every frame has every value once; frames and series of pixels have little power below 0.2 cycles."""
+    mask = samplers.blue_noise_mask(channels, side, frames)
+    assert mask.shape == (frames,) * (frames is not None) + (side, side) + (channels,) * (channels > 1)
+    mask = mask.reshape(-1, side, side, channels)
+    values = np.sort(mask.reshape(len(mask), -1, channels), axis=1) * side**2
+    assert np.array_equal(values, np.broadcast_to(np.arange(side**2)[:, None] + 0.5, values.shape))
+    assert np.array_equal(mask, mask.astype(np.float32))
+    powers = [
+        radial_average(error_spectrum(frame[..., j], np.full((side, side), 0.5)))[:2]
+        for frame in mask
+        for j in range(channels)
+    ]
+    assert np.mean([power[frequency < 0.2 * side].mean() for frequency, power in powers]) < in_space
+    series = np.abs(np.fft.fft(mask - 0.5, axis=0))[np.abs(np.fft.fftfreq(len(mask))) < 0.2]
+    assert np.mean(series**2) / len(mask) < in_time / 12
+    sampler = samplers.dither(mask[-1], sequences.lattice(channels))
+    assert np.array_equal(sampler(3, 5, 0, tuple(range(channels))), mask[-1, 5, 3].astype(np.float32))
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.uint32])
@@ -228,7 +252,7 @@ def test_errors_of_independent_pixels_are_white_noise(randomize):
 
 @pytest.mark.slow
 def test_stored_numbers_come_from_the_program():
-    assert np.array_equal((void_and_cluster(np.random.default_rng(1)) + 0.5) / 2**14, MASKS[1])
+    assert np.array_equal((void_and_cluster(128, 1, np.random.default_rng(1))[0] + 0.5) / 2**14, MASKS[1])
 
 
 GOOD = np.zeros((2, 2))

@@ -59,6 +59,16 @@ def test_clamped_shading_is_exact_where_shading_is_constant():
     np.testing.assert_allclose(clamped, exact, atol=1e-12)
 
 
+def test_clamped_shading_is_that_of_both_ends_of_the_shutter():
+    scene = approximations.make_scene(approximations.HIGHLIGHT, 2)
+    inside = 0.1 + 0.14j - scene.velocity[0] * np.array([0, 0.25, 1, 0.6])[:, None]
+    opened, closed = (scene.shade(0, inside, time) for time in (0, 1))
+    assert abs(opened - closed).max() > 0.1
+    time = np.linspace(0, 1, 4)[:, None]
+    expected = (1 - time[..., None]) * opened + time[..., None] * closed
+    np.testing.assert_allclose(scene.clamp(0, inside, time), expected, atol=1e-12)
+
+
 def blobs(shift):
     place = np.indices((48, 48)) - np.reshape(shift, (2, 1, 1))
     centers = np.array([[20, 17], [28, 24], [19, 30]])[..., None, None]

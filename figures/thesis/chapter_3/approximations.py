@@ -21,8 +21,6 @@ from qmcjax.tracing import motion
 from qmcjax.tracing._estimators.deep_image import rasterize
 
 Complex = NDArray[np.complexfloating]
-Shading = Callable[[Any, Complex, Any], NDArray[np.float64]]
-"""From numbers of objects, points relative to their corners, and times to colours."""
 
 PIXELS, KEYS = 48, {"draft": 4, "paper": 16}
 
@@ -48,7 +46,6 @@ EXACT, STILL, DULL = "exact", "no blur", "no highlight"
 SWEPT, CLAMPED, CONVOLVED, FLOW = "swept geometry", "clamped shading", "convolved frame", "optical flow"
 BY_FLOW, BY_MOTION = "predicted by flow", "predicted by motion"
 
-EACH = "each has less than a tenth of the error of no blur in one scene, more than a fifth in another"
 BETWEEN = "swept geometry: more than a fifth of the error of no blur where two squares cross"
 POORLY = "clamped shading: more than half of the error of leaving the highlight out remains"
 WITHIN = "convolution: more than half of the error of no blur where two squares cross"
@@ -75,7 +72,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         table[setting] = {name: np.array([errors[name] for _, errors in found]) for name in found[0][1]}
         for name in (EXACT, *ways):
             error = table[setting][name][0] / table[setting][STILL][0]
-            caption = f"{name}\n" * (setting == ALONE) + (f"error {error:.2f}" if error else setting)
+            caption = f"{name}\n" * (setting == ALONE) + (setting if name == EXACT else f"error {error:.2f}")
             panels.append(Panel(caption, shown(found[0][0][name])))
             large.append(error > 0.2)
         progress(len(table) / len(SETTINGS))
@@ -91,7 +88,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     ends = {way: np.sort([of[way] for of in relative.values()], axis=0)[[0, -1]] for way in ways}
     claims = {
-        EACH: {
+        "each has less than a tenth of the error of no blur in one scene, more than a fifth in another": {
             way: judged.all_of(judged.below(least, 0.1), judged.below(-most, -0.2))
             for way, (least, most) in ends.items()
         },
@@ -135,6 +132,11 @@ class Scene(NamedTuple):
         colors[on] = TINTS[number] * (1 + 0.2 * np.sin(angles).sum(axis=-1, keepdims=True)) + lit[:, None]
         return colors
 
+    def clamp(self, number: Any, inside: Complex, time: NDArray) -> NDArray[np.float64]:
+        """Return colours as `shade` when the shutter opens and closes, and linear in between."""
+        opened, closed = (self.shade(number, inside, at) for at in (0, 1))
+        return opened + time[..., None] * (closed - opened)
+
 
 def make_scene(setting: str, key: int) -> Scene:
     """Return squares of random speed, place and texture; those that cross meet at half time."""
@@ -174,7 +176,7 @@ def blur(scene: Scene) -> tuple[dict[str, NDArray], dict[str, float]]:
         STILL: shrink(still),
         DULL: shrink(integrate(dull, places, seen, dull.shade)),
         SWEPT: shrink(sweep(scene, places)),
-        CLAMPED: shrink(clamp(scene, places, seen)),
+        CLAMPED: shrink(integrate(scene, places, seen, scene.clamp)),
         CONVOLVED: shrink(convolve(still.reshape(*grid, 3), number.reshape(grid), scene.velocity)),
         FLOW: np.mean([predict(frames, flows, (k + 0.5) / FRAMES) for k in range(FRAMES)], axis=0),
     }
@@ -213,8 +215,10 @@ def find_visible(scene: Scene, places: Complex, squares: tuple[int, ...] = (0, 1
     return Seen(ray, number[ray, column], *(a[ray, column].astype(np.float64) for a in (start, end)))
 
 
-def integrate(scene: Scene, places: Complex, seen: Seen, shade: Shading) -> NDArray[np.float64]:
-    """Return the mean colours over the shutter, shape (places, 3)."""
+def integrate(
+    scene: Scene, places: Complex, seen: Seen, shade: Callable[[Any, Complex, Any], NDArray]
+) -> NDArray[np.float64]:
+    """Return the mean colours over the shutter, shape (places, 3), shaded as by `Scene.shade`."""
     length, number = seen.end - seen.start, seen.number[:, None]
     time = seen.start[:, None] + length[:, None] * (np.arange(TIMES) + 0.5) / TIMES
     inside = places[seen.ray, None] - scene.corner[number] - time * scene.velocity[number]
@@ -233,16 +237,6 @@ def sweep(scene: Scene, places: Complex) -> NDArray[np.float64]:
         color = integrate(scene, places, seen, lambda number, inside, _: scene.shade(number, inside, 0.5))
         image = color + (1 - opacity[:, None]) * image
     return image
-
-
-def clamp(scene: Scene, places: Complex, seen: Seen) -> NDArray[np.float64]:
-    """Blur by exact visibility, with shading when the shutter opens and closes, and linear in between."""
-
-    def shade(number: Any, inside: Complex, time: Any) -> NDArray[np.float64]:
-        opened, closed = (scene.shade(number, inside, at) for at in (0.0, 1.0))
-        return (1 - time[..., None]) * opened + time[..., None] * closed
-
-    return integrate(scene, places, seen, shade)
 
 
 def take_frame(scene: Scene, places: Complex, seen: Seen, time: float) -> tuple[NDArray, NDArray[np.intp]]:

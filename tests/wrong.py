@@ -22,7 +22,7 @@ VALUES = {
         image=[np.ones((2, 2, 2)), np.full((2, 2), np.nan)],
         denoiser=[lambda image: image[0], lambda image: image / 0 * 0],
     ),
-    "analysis.design_samples": dict(integrands=["lines"]),
+    "analysis.design_samples": dict(denoiser=[[], lambda image: image[:2]], integrands=["lines"]),
     "analysis.dispersion": dict(points=[np.zeros((3, 4))]),
     "analysis.expected_error": dict(
         filters=[-1.0, Filter([[1.0, -2.0]]), Filter(1.0, [[1.0]]), [Filter(weight=0.0)]],

@@ -5,12 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
+from scipy.stats import qmc
 
 import qmcjax as qj
 from analysis import Filter, design_samples, expected_error, filtered_error
 from analysis._design.design_samples import turn
+from analysis._design.fields import field
 from analysis._design.integrands import Rendered, blur
-from qmcjax import samplers, scenes
+from qmcjax import samplers, scenes, sequences
 from qmcjax.samplers.turned_tiles import stratified
 
 SHAPE = (12, 8, 3, 2)
@@ -179,6 +181,53 @@ def test_animations_are_designed_for_filters_in_time():
     assert made.points.shape == (8, 8, 8, 1, 2)
     random = stratified(np.random.default_rng(1).random((8, 8, 8, 1, 2)))
     assert expected_error(made.points, "bumps", filters) < 0.75 * expected_error(random, "bumps", filters)
+
+
+def test_fields_have_the_exact_means_of_their_integrands():
+    """Owen-scrambled points with 2048 samples."""
+    spp, side, dims = 2048, 8, 4
+    sampler = samplers.independent(sequences.sobol(dims), 1)
+    y, x = np.mgrid[:side, :side].astype(np.uint32)
+    points = sampler(x[..., None], y[..., None], np.arange(spp, dtype=np.uint32), tuple(range(dims)))
+    noisy, exact = jax.jit(jax.vmap(field, (0, None)))(jax.random.split(jax.random.key(2), 12), points)
+    assert noisy.shape == exact.shape == (12, side, side, 3)
+    np.testing.assert_allclose(noisy, exact, rtol=0.02, atol=0.004)
+    assert not np.allclose(exact, exact[:, :1, :1], rtol=0.1), "edges, gradients, textures"
+
+
+def along_rows(image):
+    """Return an image after a bilateral filter of nine pixels of a row, which keeps errors along columns."""
+    moved = jnp.stack([jnp.roll(image, k, axis=1) for k in range(-4, 5)])
+    likeness = jnp.exp(-jnp.mean(jnp.square(moved - image[None]), axis=-1, keepdims=True) / 2)
+    return jnp.sum(likeness * moved, axis=0) / jnp.sum(likeness, axis=0)
+
+
+@pytest.mark.slow
+def test_tiles_designed_for_a_denoiser_have_small_errors_after_it():
+    """Of bumps, which no field contains: below those of the start and of tiles for a Gaussian filter."""
+    made = design_samples(32, 32, 1, 1, denoiser=along_rows, steps=200)
+    y, x = np.mgrid[:32, :32].astype(np.uint32)
+    centres = np.random.default_rng(4).random((16, 1, 2))
+
+    def bumps(points):
+        return np.exp(-10 * np.square(points[None] - centres).sum(axis=-1))
+
+    exact = bumps(qmc.Sobol(2, seed=4).random(2**14)).mean(axis=1)
+
+    def error(make):
+        squares = []
+        for key in range(4):
+            points = np.asarray(make(key)(x, y, 0), np.float64).reshape(-1, 2)
+            images = jnp.asarray(bumps(points).reshape(16, 32, 32, 1))
+            left = np.asarray(jax.vmap(along_rows)(images)) - exact[:, None, None, None]
+            squares.append(np.mean(np.square(left)))
+        return np.sqrt(np.mean(squares))
+
+    ours = error(lambda key: samplers.tiled(made.points, key))
+    # 0.048, against 0.078 and 0.075.
+    assert ours < 0.8 * error(lambda key: samplers.ranked(2, key))
+    assert ours < 0.8 * error(lambda key: samplers.designed(32, 32, 1, key))
+    assert made.errors[-1] < made.errors[0]
 
 
 @pytest.mark.slow

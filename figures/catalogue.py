@@ -77,6 +77,7 @@ TITLES = {
     "thesis-4.1.3": "Trees by 2-means or along curves are worse than by the surface area heuristic",
     "thesis-4.2": "Boxes of 2-means clusters overlap far more than those of the surface area heuristic",
     "thesis-4.3.1": "Trees that follow the motion need fewer nodes than boxes for the whole shutter",
+    "thesis-4.3.2": "Ray classification needs fewer tests than trees only if very many rays share candidates",
     "thesis-table-4.1": "Enumeration confirms the printed numbers of binary trees",
     "thesis-table-4.2": "Optimising subtrees in place never increases the summed area",
     "thesis-table-4.3": "Further runs of the optimisation gain less than the first one",
@@ -153,7 +154,7 @@ OUR_SCENE = frozenset(
 
 TIMED = frozenset(
     """
-    thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 benchmark designed-samplers
+    thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 thesis-5.4 benchmark designed-samplers
     mitsuba-samplers skipping speed scale z-table-1
     """.split()
 )
@@ -185,6 +186,7 @@ MODULES = {
     "thesis.chapter_4.builders": "thesis-4.1.3",
     "thesis.chapter_4.counted_trees": "thesis-table-4.1",
     "thesis.chapter_4.moving_trees": "thesis-4.3.1",
+    "thesis.chapter_4.ray_classification": "thesis-4.3.2",
     "thesis.chapter_4.optimised_trees": "thesis-table-4.2 thesis-table-4.3",
     "thesis.chapter_4.tree_pictures": "thesis-4.1 thesis-4.2",
     "thesis.chapter_5.direction_numbers": "thesis-5.4",

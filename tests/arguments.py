@@ -115,6 +115,7 @@ def right_of_functions():
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],
         "qmcjax.sequences.replace_component.matrices": [np.eye(2, dtype=np.int64)[None]],
         "qmcjax.sequences.permutation_net_in_row.index": [1], "qmcjax.sequences.faure.base": [2, 3],
+        "qmcjax.sequences.poisson_disk.sides": [(1, 2)],
         "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]], "qmcjax.sequences.record_net.n": [16],
         "qmcjax.sequences.record_net.discrepancy": ["star", "periodic"],
         "analysis.point_spectrum.resolution": [4], "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],

@@ -138,8 +138,8 @@ def blue_noise_mask(
     """Return a tileable blue noise mask.
 
     The default masks are stored. All others are made, by SciPy if they are vectors: keep the array, or let
-    ``qmcjax mask`` write it to a file. A mask of one channel and 512 x 512 pixels takes a minute, one of two
-    channels and 64 x 64 pixels seconds, in proportion to the pixels of all frames.
+    ``qmcjax mask`` write it to a file. A mask of one channel and 512 x 512 pixels takes half a minute, one of
+    two channels and 64 x 64 pixels seconds, in proportion to the pixels of all frames.
 
     Parameters
     ----------

@@ -166,7 +166,29 @@ def test_poisson_disks_do_not_overlap_and_leave_no_room(radius):
     assert KDTree(points).query(places)[0].max() < 1.5 * radius
 
 
+@pytest.mark.parametrize("torus", [False, True])
+@pytest.mark.parametrize(
+    ("radius", "sides"), [(0.1, None), (0.2, (0.5, 2)), (0.5, (0.5, 1, 2.2)), (0.5, (1, 1, 1, 0.75))]
+)
+def test_poisson_disks_in_boxes_have_no_room_for_another(radius, sides, torus):
+    """By all distances: of all pairs of points, and of a fine grid from the points."""
+    if not torus and sides is None:
+        return
+    seq = sequences.poisson_disk(radius, 4, sides, torus)
+    sides = np.array((1, 1) if sides is None else sides)
+    points = np.asarray(seq.points(seq.size, dtype=jnp.float64)) * sides
+
+    def distances(one, other):
+        apart = np.abs(one[:, None] - other)
+        return np.linalg.norm(np.minimum(apart, sides - apart) if torus else apart, axis=-1)
+
+    assert distances(points, points)[~np.eye(seq.size, dtype=bool)].min() >= radius
+    fine = np.indices((60, 20, 10)[len(sides) - 2 :][:1] * len(sides)).reshape(len(sides), -1).T
+    assert distances(fine / fine.max() * sides, points).min(axis=1).max() < radius * (1 + 1e-6)
+
+
 TABULATED = {
+    "poisson_disk, torus": lambda key: sequences.poisson_disk(0.2, key, torus=True),
     "poisson_disk": lambda key: sequences.poisson_disk(0.1, key),
     "lloyd": lambda key: sequences.lloyd(50, 2, key, 2),
     "lloyd, 3": lambda key: sequences.lloyd(30, 3, key, 1),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis import trees
-from figures.thesis.chapter_4 import meshes
+from figures.shared import meshes
 from figures.thesis.chapter_4 import ray_classification as classification
 
 

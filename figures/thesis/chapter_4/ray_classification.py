@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from analysis import trees
 from figures._rc import BLACK, BLUE, VERMILLION
-from figures.shared import judged
+from figures.shared import judged, meshes
+from figures.shared.meshes import Rays
 from figures.shared.sheets.panels import legend_below, name_axes, new_figure
-from figures.thesis.chapter_4 import meshes
-from figures.thesis.chapter_4.meshes import Rays
 from figures.thesis.chapter_4.moving_trees import SCENES, Moving
 
 SETS = {"draft": 4, "paper": 16}

@@ -1,4 +1,4 @@
-"""Directives that show measurements: safest-sampler, sampler-errors, sampler-sizes, stored-scores.
+"""Directives of measurements: safest-sampler, sampler-errors, denoised-errors, sampler-sizes, stored-scores.
 
 Nothing is typed in: names and numbers come from the tables behind :func:`qmcjax.recommend` and from stored
 scores when the page is built.
@@ -15,7 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 import qmcjax as qj
 from figures import ledger
 from figures.docs.tables import table
-from figures.shared.sampler_errors import error_tables, safest_sampler
+from figures.shared.sampler_errors import denoised_table, error_tables, safest_sampler
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
 SMALL = 4096
@@ -61,6 +61,14 @@ class SamplerErrors(SphinxDirective):
         return [nodes.raw("", text, format="html")]
 
 
+class DenoisedErrors(SphinxDirective):
+    """Errors after a denoiser."""
+
+    def run(self) -> list[nodes.Node]:
+        """Return a sentence and a table."""
+        return [nodes.raw("", denoised_table(), format="html")]
+
+
 class SamplerSizes(SphinxDirective):
     """Which samplers are best if there is no room for a table."""
 
@@ -97,6 +105,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
     app.add_directive("safest-sampler", SafestSampler)
     app.add_directive("sampler-errors", SamplerErrors)
+    app.add_directive("denoised-errors", DenoisedErrors)
     app.add_directive("sampler-sizes", SamplerSizes)
     app.add_directive("stored-scores", StoredScores)
     return {"parallel_read_safe": True}

@@ -1,8 +1,12 @@
 """What denoisers leave of the errors of samplers: of flat fields and traced scenes, and what they keep."""
 
+import csv
+import json
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from itertools import product
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -24,7 +28,8 @@ from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from qmcjax import scenes, tracing
 from qmcjax.bridges import oidn
-from qmcjax.choosing import CANDIDATES
+from qmcjax.choosing import CANDIDATES, DENOISED, LEVELS, MEASURES
+from qmcjax.core import tables
 from qmcjax.core.pytrees import frozen_pytree
 
 BASE = "(0,2), Owen"
@@ -33,7 +38,7 @@ SAMPLERS = (
     *("optimised orders", "Hilbert, Owen-Sobol'", "Hilbert, Halton (2,3)"),
 )
 FEW = (BASE, "designed tiles", "Z, hash", "Hilbert, Owen-Sobol'")
-IN_SCENES = tuple(name for name in SAMPLERS if name not in ("rank-1 lattice", "Hilbert, Halton (2,3)"))
+IN_SCENES = tuple(DENOISED.candidates)
 
 SCENES: dict[str, Callable[[], scenes.Traced]] = {
     "Cornell box": scenes.cornell_box,
@@ -402,3 +407,30 @@ def _draw_scenes(axes: Axes, summary: Mapping[str, Mapping[str, judged.Ratio]]) 
     ticks = [each for each in (0.4, 0.5, 0.6, 0.8, 1, 1.2, 1.5, 2, 3) if left < each < right]
     look = {"legend": "lower center", "bbox_to_anchor": (0.4, 1.1), "ncols": 2, "ticks": ticks}
     name_axes(axes, "relative error", title="traced scenes", log="x", **look)
+
+
+def main() -> None:
+    """Write the table behind ``qmcjax.recommend``, from the numbers of a folder with this figure."""
+    numbers = json.loads((Path(sys.argv[1]) / "numbers.json").read_text(encoding="utf-8"))
+    known = numbers["denoisers"]["numbers"]["table"]
+    errors = {(of["scene"], of["sampler"], of["spp"]): [of[column] for column in COLUMNS[2:]] for of in known}
+    size = "{} x {}".format(*DENOISED.sizes[0])
+    with tables.file("choosing", DENOISED.file).open("w", encoding="utf-8", newline="") as stream:
+        stream.write("# 1000 ln(error / error of random) after Open Image Denoise, without and with albedo\n")
+        writer = csv.writer(stream, lineterminator="\n")
+        counts = [f"{of} at {spp} spp" for of in MEASURES for spp in DENOISED.spps]
+        writer.writerow(["scene", "kind", "level", "size", "sampler", *counts])
+        for of in known:
+            if of["sampler"] in DENOISED.candidates and of["spp"] == DENOISED.spps[0]:
+                pairs = [
+                    np.divide(*(errors[of["scene"], each, spp] for each in (of["sampler"], "random")))
+                    for spp in DENOISED.spps
+                ]
+                level = next((level for level in LEVELS if of["dims"] <= level), max(LEVELS))
+                kind = "edges" if of["edges"] else "smooth"
+                row = [of["scene"], kind, level, size, of["sampler"]]
+                writer.writerow([*row, *np.rint(1000 * np.log(pairs)).astype(int).T.ravel().tolist()])
+
+
+if __name__ == "__main__":
+    main()

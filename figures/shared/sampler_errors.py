@@ -6,6 +6,7 @@ from itertools import product
 
 from figures._markup import Markup, fill, join
 from qmcjax.choosing import (
+    DENOISED,
     KINDS,
     LEVELS,
     MEASURES,
@@ -41,8 +42,20 @@ sampler = CANDIDATES["$name"].make(dims, width, height, spp, key)
 <p>Errors relative to the best sampler of each column, with 95 % confidence intervals: geometric means over
 scenes with exact pixel integrals. The best is framed; ratios in bold are significantly worse.</p>
 $tables
+<h2>After a denoiser</h2>
+$denoised
 <h2>While an image is rendered, and in animations</h2>
 $others
+"""
+
+AFTER_DENOISER = """
+<p>A denoiser may keep as a texture what a Gaussian forgives: narrow bands and peaks of the spectrum.
+Take <b>$name</b>, at most $ratio times the best after Open Image Denoise, or ask
+<code>recommend(..., after="denoiser")</code>.</p>
+<div class="scroll" tabindex="0" role="region" aria-label="Errors after a denoiser">
+<table class="errors"><caption>RMS error after Open Image Denoise relative to the best</caption>
+<thead><tr><td></td>$kinds</tr><tr><th scope="col">Sampler</th>$counts</tr></thead>
+<tbody>$rows</tbody></table></div>
 """
 
 FOLDED = "<details$open><summary>$title</summary>$table</details>"
@@ -82,12 +95,42 @@ def which_sampler() -> Markup:
         name=name,
         safest=join(safest_sampler("images", filtered) for filtered in (True, False)),
         tables=_folded_tables(STILL),
+        denoised=denoised_table(),
         others=join(
             join([*(safest_sampler(name, filtered) for filtered in (True, False)), _folded_tables(of)])
             for name, of in SETTINGS.items()
             if of is not STILL
         ),
     )
+
+
+def denoised_table() -> Markup:
+    """Return a sentence and a small table of errors after a denoiser: ratios to the best of each column."""
+    cases = list(product(LEVELS, DENOISED.spps))
+    columns = [_ratios(Measured.of(None, *case, False, DENOISED)) for case in cases]
+    worst = {name: max(of[name].ratio for of in columns if name in of) for name in columns[0]}
+    names = sorted(worst, key=lambda name: (any(name not in of for of in columns), worst[name]))
+    span = '<th scope="colgroup" colspan="$n">$kind</th>'
+    return fill(
+        AFTER_DENOISER,
+        name=names[0],
+        ratio=_number(worst[names[0]]),
+        kinds=join(fill(span, n=len(DENOISED.spps), kind=of) for of in LEVELS.values()),
+        counts=join(fill('<th scope="col">$spp spp</th>', spp=spp) for _, spp in cases),
+        rows=join(
+            fill(
+                '<tr><th scope="row">$name</th>$cells</tr>',
+                name=name,
+                cells=join(_plain_cell(of.get(name)) for of in columns),
+            )
+            for name in names
+        ),
+    )
+
+
+def _plain_cell(other: ErrorRatio | None) -> Markup:
+    number = "–" if other is None else _number(other.ratio)
+    return fill("<td><b>$of</b></td>" if other and other.differs else "<td>$of</td>", of=number)
 
 
 def _folded_tables(setting: Setting) -> Markup:

@@ -5,6 +5,7 @@ from qmcjax.choosing._candidates import Candidate as Candidate
 from qmcjax.choosing._recommend import Recommendation as Recommendation
 from qmcjax.choosing._recommend import recommend as recommend
 from qmcjax.choosing._table import ANIMATED as ANIMATED
+from qmcjax.choosing._table import DENOISED as DENOISED
 from qmcjax.choosing._table import KINDS as KINDS
 from qmcjax.choosing._table import LEVELS as LEVELS
 from qmcjax.choosing._table import MEASURES as MEASURES

@@ -29,7 +29,7 @@ class Setting(NamedTuple):
     file: str
     candidates: Mapping[str, Candidate]
     spps: tuple[int, ...]
-    sizes: tuple[tuple[int, int], tuple[int, int]]
+    sizes: tuple[tuple[int, int], ...]
     """Widths and heights of the images: many samplers are best for squares with powers of 2 as sides."""
     keys: int
     usual: str
@@ -61,6 +61,24 @@ SHOWN = Setting(
 )
 SETTINGS = {"images": STILL, "frames": ANIMATED, "prefixes": SHOWN}
 """Final images, animations seen through a temporal filter, and images shown while rendered."""
+
+DENOISED = Setting(
+    "recommendations_denoised.csv",
+    {
+        name: of
+        for name, of in CANDIDATES.items()
+        if name in ("random", "(0,2), Owen", "dither mask", "ranked keys", "designed tiles", "Z, hash")
+        or name in ("optimised orders", "Hilbert, Owen-Sobol'")
+    },
+    (1, 4, 16),
+    ((64, 64),),
+    6,
+    "(0,2), Owen",
+    " after Open Image Denoise",
+)
+"""Final images after a denoiser, by the figure ``denoisers``: flat fields, and ray-traced scenes."""
+
+USES = {**SETTINGS, "denoised": DENOISED}
 
 NEGLIGIBLE = 1.02
 """Smallest ratio of errors that counts as a difference."""
@@ -186,13 +204,13 @@ def has_edges(scene: Any) -> bool | None:
 def like(setting: Setting, size: tuple[int, int]) -> tuple[int, int]:
     """Return the measured size that counts for a size: the square, or the one that is not a power of 2."""
     width, height = size
-    return setting.sizes[not (width == height and width.bit_count() == 1)]
+    return setting.sizes[0 if width == height and width.bit_count() == 1 else -1]
 
 
 @cache
 def table(file: str) -> tuple[Row, ...]:
     """Read a table, size by size; see ``analysis/tables/recommendations.py``."""
-    (setting,) = (setting for setting in SETTINGS.values() if setting.file == file)
+    (setting,) = (setting for setting in USES.values() if setting.file == file)
     with tables.file("choosing", file).open(encoding="utf-8") as stream:
         lines = csv.reader(line for line in stream if not line.startswith("#"))
         next(lines)

@@ -424,3 +424,41 @@ test_bad_input_is_named = refused(
     ),
     error=ValueError,
 )
+
+
+def test_after_a_denoiser_the_stored_errors_decide():
+    """Also for numbers of samples and dimensions that were not measured."""
+    with (TABLES / choosing.DENOISED.file).open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(line for line in stream if line[0] != "#"))
+    assert {row["sampler"] for row in rows} == set(choosing.DENOISED.candidates)
+    for level, spp in product(choosing.LEVELS, choosing.DENOISED.spps):
+        found = {}
+        for row in rows:
+            if int(row["level"]) == level:
+                found.setdefault(row["sampler"], []).append(int(row[f"RMS error at {spp} spp"]))
+        choice = qj.recommend(level, spp, after="denoiser")
+        assert choice.setting == "denoised" and "error after Open Image Denoise" in words(choice)
+        means = {name: np.mean(of) for name, of in found.items()}
+        assert means[choice.name] == min(means.values()) and choice.others.keys() < means.keys()
+        assert {len(of) for of in found.values()} == {len(found["random"])}
+    for dims, spp in product((2, 5, 250), (3, 64, 2**31)):
+        choice = qj.recommend(dims, spp, after="denoiser", size=(100, 76))
+        assert choice.sampler(16, 8, 1).dims >= dims
+
+
+def test_a_filter_is_what_filtered_says():
+    assert qj.recommend(4, 4, after="filter") == qj.recommend(4, 4, filtered=True)
+    assert qj.recommend(4, 4, frames=8, after="nothing") == qj.recommend(4, 4, frames=8)
+
+
+test_what_cannot_come_after = refused(
+    (lambda: qj.recommend(4, 4, after="bilateral"), ValueError, "after must be one of"),
+    (lambda: qj.recommend(4, 4, after=True), TypeError, "after must be one of"),
+    (
+        lambda: qj.recommend(4, 4, filtered=True, after="filter"),
+        ValueError,
+        "filtered must be False with after",
+    ),
+    (lambda: qj.recommend(4, 4, frames=8, after="denoiser"), ValueError, "after must be .* for frames"),
+    (lambda: qj.recommend(4, 4, progressive=True, after="denoiser"), ValueError, "after must be"),
+)

@@ -207,7 +207,7 @@ def _fill(radius: float, sides: NDArray[np.float64], torus: bool, rng: np.random
         points = np.concatenate([points, darts[free]])
         size = size / 2
         cells = (cells[:, None] + halves * size).reshape(-1, d)
-        within = radius - np.linalg.norm(size) / 2
+        within = float(radius - np.linalg.norm(size) / 2)
         far = KDTree(points, boxsize=wrap).query(cells + size / 2, distance_upper_bound=within)[0]
         cells = cells[np.isinf(far)]
     return points

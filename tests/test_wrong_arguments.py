@@ -147,6 +147,7 @@ def generated():
 RIGHT_THERE = {
     "made.SequenceEngine.seed", "trees.nodes_visited.time", "analysis.read_points.which",
     "qmcjax.bridges.read_points.which", "analysis.riesz_energy.points",
+    "qmcjax.sequences.poisson_disk.radius",
 }  # fmt: skip
 """Where some generated arguments are right, or the error begins with the name of the file."""
 

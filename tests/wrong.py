@@ -20,7 +20,7 @@ VALUES = {
     "analysis.convergence": dict(regions=[{}], samplers=[{}], spps=[[], [1, 0], [4, 1, 4]]),
     "analysis.denoised_error": dict(
         image=[np.ones((2, 2, 2)), np.full((2, 2), np.nan)],
-        denoiser=[lambda image: image[0], lambda image: image / 0 * 0],
+        denoiser=[lambda image: image[0], lambda image: image * np.nan],
     ),
     "analysis.design_samples": dict(denoiser=[[], lambda image: image[:2]], integrands=["lines"]),
     "analysis.dispersion": dict(points=[np.zeros((3, 4))]),
@@ -142,7 +142,7 @@ VALUES = {
     "qmcjax.sequences.permutation_net_in_row": dict(
         index=[16, np.array([3, 17], np.uint32)], row=[-1, -np.arange(3)]
     ),
-    "qmcjax.sequences.poisson_disk": dict(radius=[0.0], sides=[(1.0,), (1,) * 5, (1, 0), (1e9, 1)]),
+    "qmcjax.sequences.poisson_disk": dict(radius=[0.0, 1e-6], sides=[(1.0,), (1,) * 5, (1, 0)]),
     "qmcjax.sequences.record_net": dict(discrepancy=["l2"], n=[17]),
     "qmcjax.sequences.read_lattice": dict(max_bytes=[0]),
     "qmcjax.sequences.read_matrices": dict(max_bytes=[0]),

@@ -415,16 +415,16 @@ def main() -> None:
     known = numbers["denoisers"]["numbers"]["table"]
     errors = {(of["scene"], of["sampler"], of["spp"]): [of[column] for column in COLUMNS[2:]] for of in known}
     size = "{} x {}".format(*DENOISED.sizes[0])
-    with tables.file("choosing", DENOISED.file).open("w", encoding="utf-8", newline="") as stream:
+    with Path(str(tables.file("choosing", DENOISED.file))).open("w", encoding="utf-8", newline="") as stream:
         stream.write("# 1000 ln(error / error of random) after Open Image Denoise, without and with albedo\n")
         writer = csv.writer(stream, lineterminator="\n")
         counts = [f"{of} at {spp} spp" for of in MEASURES for spp in DENOISED.spps]
         writer.writerow(["scene", "kind", "level", "size", "sampler", *counts])
         for of in known:
             if of["sampler"] in DENOISED.candidates and of["spp"] == DENOISED.spps[0]:
+                name, scene = of["sampler"], of["scene"]
                 pairs = [
-                    np.divide(*(errors[of["scene"], each, spp] for each in (of["sampler"], "random")))
-                    for spp in DENOISED.spps
+                    np.divide(errors[scene, name, spp], errors[scene, "random", spp]) for spp in DENOISED.spps
                 ]
                 level = next((level for level in LEVELS if of["dims"] <= level), max(LEVELS))
                 kind = "edges" if of["edges"] else "smooth"

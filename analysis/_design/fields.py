@@ -54,7 +54,7 @@ def log_denoised_error(points: Array, key: Array, denoisers: Sequence[Denoiser])
     keys = draws.split(key, _FIELDS + 1)
     height, width = points.shape[:2]
     repeats = (max(1, LEAST // height), max(1, LEAST // width), 1, 1)
-    moves = jax.random.randint(keys[0], (2,), 0, jnp.asarray([height, width]))
+    moves = draws.randint(keys[0], (2,), 0, jnp.asarray([height, width]))
     screen = jnp.tile(jnp.roll(points, moves, (0, 1)), repeats)
     noisy, exact = jax.vmap(field, (0, None))(keys[1:], screen)
     logs = []

@@ -34,6 +34,7 @@ def _fixed(function: Callable[P, R]) -> Callable[P, R]:
 bits = _fixed(jax.random.bits)
 split = _fixed(jax.random.split)
 normal = _fixed(jax.random.normal)
+randint = _fixed(jax.random.randint)
 uniform = _fixed(jax.random.uniform)
 
 

@@ -21,6 +21,7 @@ from figures.catalogue import CATALOGUE, FIRST, LAST, LONG, NO_DRAFT, OUR_SCENE,
 from figures.making import updating, workers
 from figures.making.fingerprint import sources
 from figures.making.workers import Task
+from figures.page import _html
 
 BY_HAND = ["--coordinator", "a:1", "--processes", "2"]
 
@@ -370,9 +371,8 @@ def make(quality, progress):
 
 def test_catalogue_names_figures_of_this_package():
     for name, entry in CATALOGUE.items():
-        room = re.match(r"(hilbert|z|thesis)-(?:\d|table|splitting)", name)
         module, _, function = entry.module.partition(":")
-        assert module.startswith(f"figures.{room[1] if room else 'ours'}.")
+        assert module.startswith(f"figures.{_html.part_of(name)}.")
         text = Path(importlib.util.find_spec(module).origin).read_text(encoding="utf-8")
         assert f"\ndef {function or 'make'}(" in text, name
         assert entry.title == entry.title.strip() and "\n" not in entry.title

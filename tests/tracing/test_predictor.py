@@ -10,8 +10,9 @@ from refusals import refused
 
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer, rasterize
+from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer
 from qmcjax.tracing._estimators.predictor import _steps
+from qmcjax.tracing.search.rasterization import rasterize
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 

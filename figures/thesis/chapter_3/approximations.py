@@ -18,7 +18,7 @@ from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, image_grid
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._estimators.deep_image import rasterize
+from qmcjax.tracing.search.rasterization import rasterize
 
 Complex = NDArray[np.complexfloating]
 

@@ -232,7 +232,8 @@ def sweep(scene: Scene, places: Complex) -> NDArray[np.float64]:
     image = scene.shade(-1, places, 0.5)
     for number in (1, 0):
         seen = find_visible(scene, places, (number,))
-        seen = Seen(*(a[seen.number == number] for a in seen))
+        own = seen.number == number
+        seen = Seen(seen.ray[own], seen.number[own], seen.start[own], seen.end[own])
         opacity = np.bincount(seen.ray, seen.end - seen.start, len(places))
         color = integrate(scene, places, seen, lambda number, inside, _: scene.shade(number, inside, 0.5))
         image = color + (1 - opacity[:, None]) * image

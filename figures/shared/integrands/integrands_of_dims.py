@@ -1,6 +1,5 @@
 """Classes of random integrands in any dimension, the same in every pixel, and errors relative to theirs."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 
 import analysis
 from figures._errors import rms
-from figures.shared.costs import in_turns, median
 from qmcjax import samplers, sequences
 
 CLASSES = ("half-spaces", "balls", "bumps", "products")
@@ -90,17 +88,3 @@ def of_classes(found: NDArray, count: int) -> NDArray[np.float64]:
     # Channels of an image are averaged by the one, summed by the other.
     filtered = [analysis.filtered_error(part, np.zeros_like(part)) for part in parts]
     return np.array([filtered, [rms(part) for part in parts]])
-
-
-def time_ratio(one: samplers.Sampler, other: samplers.Sampler, side: int, spp: int) -> float:
-    """Return the time of an image of x y by one sampler over that by another."""
-
-    def frame(sampler: samplers.Sampler) -> Callable[[int], Array]:
-        return lambda _: analysis.pixel_means(_product, sampler, side, side, spp)
-
-    first, second = in_turns({"one": frame(one), "other": frame(other)}, 5).values()
-    return median(first) / median(second)
-
-
-def _product(point: Array) -> Array:
-    return point[..., 0] * point[..., 1]

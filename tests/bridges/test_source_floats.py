@@ -66,6 +66,7 @@ FUNCTIONS = {
     "by one entry": in_range(lambda x, y: jnp.stack([x, y]) / jnp.maximum(x, 1)),
     "by another": in_range(lambda x, y: jnp.stack([x / jnp.maximum(y, 1), 7 / jnp.maximum(x, 1)])),
     "in float64": wide,
+    "complements": lambda x, y, s: of_bits(jnp.stack([jnp.where(x < y, ~x, x), jnp.where(x < y, y, ~y)])),
 }
 
 
@@ -90,16 +91,29 @@ def test_floats_have_the_bits_of_xla(tmp_path):
     assert not {title: share for title, share in off.items() if share and title not in SHARED}
 
 
+def rounded_down(more):
+    """Return a function that adds a number to words in float64, and rounds down."""
+
+    def points(x, y, s):
+        with jax.enable_x64(True):
+            made = (x.astype(jnp.float64) + more).astype(jnp.uint32)
+        return of_bits(jnp.stack([made, made]))
+
+    return points
+
+
 def test_conversions_of_what_is_in_range_cost_nothing():
     def cell(point):
         return jnp.floor(jnp.abs(jnp.sin(point[..., 0]))).astype(jnp.int32).astype(jnp.float32)
 
+    def text(points):
+        return source(samplers.function(points, 2)).partition("#include")[2].split("_pair(")[0]
+
     unknown = source(scenes.function(cell, ("x", "y")))
     assert "2147483647" in unknown and "!=" in unknown
-    known = source(
-        samplers.function(
-            lambda x, y, s: ((x >> 8).astype(jnp.float32) * 2**-24 * 9).astype(jnp.int32) / 9 + jnp.zeros(2),
-            2,
-        )
+    known = text(
+        lambda x, y, s: ((x >> 8).astype(jnp.float32) * 2**-24 * 9).astype(jnp.int32) / 9 + jnp.zeros(2)
     )
-    assert "2147483" not in known and "!=" not in known and "?" not in known.split("_pair(")[0]
+    for each in (known, text(rounded_down(0.9))):
+        assert "2147483" not in each and "!=" not in each and "?" not in each
+    assert "?" in text(rounded_down(1.0))

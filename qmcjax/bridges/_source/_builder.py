@@ -155,6 +155,10 @@ class Builder:
             return if_true
         if condition.kind == "not":
             return self.select(condition.arguments[0], if_false, if_true)
+        if if_true.kind == "not" and if_true.arguments[0] is if_false and if_true.dtype != BOOL:
+            # Compilers would convert both to floats, and select then.
+            zero = self.constant(0, if_true.dtype)
+            return if_false ^ self.select(condition, ~zero, zero)
         if if_true.dtype == BOOL:
             either = ~condition & if_false
             return condition & if_true | either
@@ -192,10 +196,14 @@ class Builder:
         last = end if int(end) <= limits.max else np.nextafter(end, real.type(0))
         if may_be_nan(value):
             value = self.select(value.apply("ne", value), self.constant(real.type(0)), value)
-        inside = value.apply("max", self.constant(real.type(limits.min))).apply("min", self.constant(last))
+        bounds, inside = interval(value), value
+        fits = bounds is not None and limits.min <= int(bounds[0]) and int(bounds[1]) <= limits.max
+        if not fits:
+            inside = value.apply("max", self.constant(real.type(limits.min)))
+            inside = inside.apply("min", self.constant(last))
         known = inside.kind == "constant"
         made = self.constant(inside.detail, wide) if known else self._new("convert", wide, (inside,))
-        if int(last) == limits.max:
+        if fits or int(last) == limits.max:
             return made
         return self.select(value >= self.constant(end), self.constant(limits.max, wide), made)
 

@@ -24,12 +24,15 @@ _INLINE = """\
 #ifndef QMCJAX_ROW
 #ifdef __GNUC__
 #define QMCJAX_ROW static __attribute__((noinline, unused))
+#define QMCJAX_ASSUME(condition) if (!(condition)) __builtin_unreachable()
 #else
 #define QMCJAX_ROW static inline
+#define QMCJAX_ASSUME(condition)
 #endif
 #endif"""
 """Compilers vectorise loops over inlined functions, which is several times as fast; GCC only where the loop
 itself is not: knowing the first sample, it would compute parts of the next one at the end of each turn.
+Indices of tables that are known not to wrap are places in a row, which need no gathering.
 """
 
 _REVERSE = """\
@@ -97,7 +100,7 @@ class C(Language):
     filled: ClassVar = "{kind} {name}[{size}]"
     head_of: ClassVar = "QMCJAX_INLINE {kind} {name}({parameters})"
     row: ClassVar = f"""\
-QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{
+QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
     for (uint32_t k = 0; k < count; k++) {{{{
         float point[{{size}}];
         {{name}}_sample({{given}}, point);

@@ -162,7 +162,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     writer.fill(f"{name}_sample", of_sample, state, ("s",), FLOAT, pixel)
     writer.fill(f"{name}_pair", of_pair, state, ("pair", "s"), FLOAT, pixel)
     writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
-    in_rows = writer.row(pixel, len(wanted))
+    in_rows = writer.row(pixel, len(wanted), limits[2])
     comment = _Comment(sampler, "A sampler", writer)
     comment.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
     comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_list(wanted)}")
@@ -172,7 +172,8 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
         comment.call(
             f"{name}_row", "pixel, first, count", "samples from first on: all of a coordinate, then of the"
         )
-        comment.line("    next; many at once with -O3 -march=native -fno-math-errno -fno-trapping-math")
+        comment.line("    next; many at once with -O3 -march=native -fno-math-errno -fno-trapping-math, and")
+        comment.line("    -mprefer-vector-width=512 on x86")
     named = zip("xys", limits, strict=True)
     known = [f"{letter} < {limit}" for letter, limit in named if limit < checks.INDEX_LIMIT]
     comment.add(f"Arguments: {', '.join(known) or 'any words'}.")

@@ -11,6 +11,7 @@ from qmcjax.bridges._source._language import RESULT, Language
 from qmcjax.bridges._source._languages import Shader
 from qmcjax.bridges._source._lower import lower
 from qmcjax.bridges._source._program import UINT, Compute, Loop, Program, Repeat, Statement, Table, Value
+from qmcjax.core.checks import INDEX_LIMIT
 
 _LONGEST = 100
 """Largest number of characters of an expression without a name."""
@@ -257,12 +258,17 @@ class Writer:
         kind = self.language.type(dtype)
         self.add(self.language.filling(self.name, parameters, count, [call], kind))
 
-    def row(self, pixel: str, size: int) -> bool:
-        """Add a function of samples in a row, if the language has one."""
+    def row(self, pixel: str, size: int, limit: int) -> bool:
+        """Add a function of samples below a limit in a row, if the language has one."""
         seeds = ["seeds"] if self.seeds.size else []
         parameters = ", ".join([pixel, *self._parameters(("first", "count"))])
         given = ", ".join(["pixel", "first + k", *seeds])
-        if row := self.language.row.format(name=self.name, parameters=parameters, given=given, size=size):
+        within = f"\n    QMCJAX_ASSUME(first <= {limit}u && count <= {limit}u - first);"
+        known = within if limit < INDEX_LIMIT else ""
+        row = self.language.row.format(
+            name=self.name, parameters=parameters, given=given, size=size, known=known
+        )
+        if row:
             self.add(row)
         return bool(row)
 

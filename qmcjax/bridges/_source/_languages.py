@@ -24,15 +24,21 @@ _INLINE = """\
 #ifndef QMCJAX_ROW
 #ifdef __GNUC__
 #define QMCJAX_ROW static __attribute__((noinline, unused))
-#define QMCJAX_ASSUME(condition) if (!(condition)) __builtin_unreachable()
 #else
 #define QMCJAX_ROW static inline
+#endif
+#endif
+
+#ifndef QMCJAX_ASSUME
+#ifdef __GNUC__
+#define QMCJAX_ASSUME(condition) if (!(condition)) __builtin_unreachable()
+#else
 #define QMCJAX_ASSUME(condition)
 #endif
 #endif"""
 """Compilers vectorise loops over inlined functions, which is several times as fast; GCC only where the loop
 itself is not: knowing the first sample, it would compute parts of the next one at the end of each turn.
-Indices of tables that are known not to wrap are places in a row, which need no gathering.
+Indices of tables that are assumed not to wrap are places in a row, which are loaded at once.
 """
 
 _REVERSE = """\

@@ -149,7 +149,8 @@ def sample(sampler: samplers.Sampler, width: int, height: int, spp: int, dims: i
 @jit("width", "height", "spp", "dims")
 def _points(sampler: samplers.Sampler, width: int, height: int, spp: int, dims: int) -> jax.Array:
     wanted = tuple(range(dims))
-    prepared = sampler.prepare_image(width, height, wanted)
+    y, x = jnp.indices((height, width), jnp.uint32)
+    prepared = sampler.with_tables(wanted).prepare(x, y, wanted)
 
     def one(number: jax.Array) -> jax.Array:
         return sampler.points(prepared, jnp.broadcast_to(number, (height, width)), wanted, jnp.float32)

@@ -106,7 +106,8 @@ def render_image(
 
 @jit("side", "count")
 def _prepared(sampler: Any, side: int, count: int) -> Any:
-    return sampler.prepare_image(side, side, tuple(range(count)))
+    y, x = jnp.indices((side, side), jnp.uint32)
+    return sampler.prepare(x, y, tuple(range(count)))
 
 
 @jit("side", "together", "count")

@@ -9,6 +9,7 @@ from qmcjax.orders._base import FrameOrder as FrameOrder
 from qmcjax.orders._base import OneFrame as OneFrame
 from qmcjax.orders._base import Order as Order
 from qmcjax.orders._base import log_side as log_side
+from qmcjax.orders._hierarchy import STEP as STEP
 from qmcjax.orders._hierarchy import ScrambledMorton as ScrambledMorton
 from qmcjax.orders._hilbert import PEANO_SIDE as PEANO_SIDE
 from qmcjax.orders._hilbert import hilbert as hilbert

@@ -66,6 +66,10 @@ def permutation_number(word: Array) -> Array:
     return (upper + (upper << 1) + ((lower + (lower << 1)) >> 3)) >> 26
 
 
+STEP = 3
+"""Levels of the quadtree between squares and what is inside them."""
+
+
 @dataclass(frozen=True)
 class ScrambledMorton(SquareOrder):
     """A Morton order with permuted base 4 digits; each permutation depends on the digits before it.
@@ -139,31 +143,32 @@ class ScrambledMorton(SquareOrder):
         levels = range(digits - 1, -1, -1)
         return self.scrambled_digits([(code >> (2 * level)) & np.uint32(3) for level in levels], node)
 
-    def scrambled_image(self) -> tuple[Array, Array]:
-        """Permute the digits of all pixels of the image, at a quarter of the cost of :meth:`scrambled`.
+    def squares(self, levels: int) -> tuple[Array, Array]:
+        """Permute the digits of all aligned squares of ``2**levels`` pixels per side that cover the image.
 
         Returns
         -------
-        position, node : uint32 Array, shape (height, width), as of :meth:`scrambled`
+        position, node : uint32 Array, shape (rows, columns), as of :meth:`scrambled`
+            For :meth:`inside`.
         """
-        left = self.log_side
-        node = jnp.broadcast_to(self.root, (1, self.width))
-        position = jnp.zeros_like(node)
-        while left:
-            # In each column, rows with equal upper bits share the upper digits.
-            digits = 2 - left % 2
-            left -= digits
-            rows = -(-self.height >> left)
-            x, y = (lax.broadcasted_iota(jnp.uint32, (rows, self.width), axis) for axis in (1, 0))
-            code = spread(x >> left) | (spread(y) << 1)
-            # XLA does not fuse lookups with their operands, so each stage is computed once.
-            position, node = (
-                rows_above.at[np.arange(rows) >> digits].get(mode="promise_in_bounds")
-                for rows_above in (position, node)
-            )
-            lower, node = self._scrambled(code & np.uint32(4**digits - 1), digits, node)
-            position = (position << (2 * digits)) | lower
-        return position, node
+        columns, rows = -(-self.width >> levels), -(-self.height >> levels)
+        x, y = (lax.broadcasted_iota(jnp.uint32, (rows, columns), axis) for axis in (1, 0))
+        digits = self.log_side - levels
+        if digits <= STEP:
+            return self._scrambled(spread(x) | (spread(y) << 1), digits)
+        return self.inside(self.squares(levels + STEP), x, y)
+
+    def inside(self, squares: tuple[Array, Array], x: Array, y: Array) -> tuple[Array, Array]:
+        """Permute the digits of pixels, or squares, by those of squares of ``2**STEP`` of them per side.
+
+        XLA does not fuse lookups with their operands: neighbours share the digits of their square.
+        """
+        columns = np.uint32(squares[0].shape[1])
+        place = (y >> STEP) * columns + (x >> STEP)
+        position, node = (words.ravel().at[place].get(mode="promise_in_bounds") for words in squares)
+        code = spread(x) | (spread(y) << 1)
+        lower, node = self._scrambled(code & np.uint32(4**STEP - 1), STEP, node)
+        return (position << (2 * STEP)) | lower, node
 
     def scrambled_digits(self, digits: list[Array], node: Array) -> tuple[Array, Array]:
         """Permute digits below a node; each digit has the node's shape, or is a scalar for all nodes.

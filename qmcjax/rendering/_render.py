@@ -105,8 +105,10 @@ def render_task(
     with checks.precision(dtype):
         # Add values pairwise before the compensated sum: memory traffic dominates.
         batch, together = in_one_pass(scene, sampler, spp, dims)
-        pair = devices.place((scene, sampler), mesh)
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
+        if backend.caches and size < pixels:
+            sampler = _with_tables(sampler, dims)
+        pair = devices.place((scene, sampler), mesh)
         most = min(backend.pixels, backend.samples // spp)
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
         whole = together > 1 and batch * together == spp
@@ -124,6 +126,11 @@ def render_task(
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
     return image
+
+
+@jit("dims")
+def _with_tables(sampler: Any, dims: tuple[int, ...]) -> Any:
+    return sampler.with_tables(dims)
 
 
 @jit("how", "traced", "by_rows")

@@ -4,7 +4,6 @@ import abc
 from dataclasses import field
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -55,22 +54,22 @@ class Sampler(abc.ABC):
         """
         return x, y
 
-    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        """Return the state of :meth:`prepare` for all pixels of an image, in its shape.
+    def with_tables(self, dims: tuple[int, ...]) -> "Sampler":
+        """Return the same sampler for pixels of its image, with tables of what neighbours share.
 
-        Samplers override it if neighbouring pixels share work.
+        They make :meth:`prepare` faster for many pixels, and take less memory than the points of one sample.
+        :func:`qmcjax.render` makes them once for an image on a CPU.
 
         Parameters
         ----------
-        width, height : int, in [1, 65536], the size that the sampler is made for
         dims : tuple of int, the coordinates that will be used, static
 
         Returns
         -------
-        pytree of Arrays
+        Sampler
+            ``self`` by default.
         """
-        x, y = (jax.lax.broadcasted_iota(jnp.uint32, (height, width), axis) for axis in (1, 0))
-        return self.prepare(x, y, dims)
+        return self
 
     @abc.abstractmethod
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:

@@ -117,7 +117,11 @@ class Joint(Contiguous):
         side, _ = self.order.raster
         if x.size < max(side, _LINES_FROM):
             return super().prepare(x, y, dims)
-        columns, rows = self._lines(side, side, dims)
+        line = jnp.arange(side, dtype=jnp.uint32)
+        columns, rows = (
+            super(Joint, self).prepare(*pair, dims)
+            for pair in ((line, jnp.zeros_like(line)), (jnp.zeros_like(line), line))
+        )
         return jax.tree.map(
             lambda column, row: (
                 column.at[x].get(mode="promise_in_bounds") ^ row.at[y].get(mode="promise_in_bounds")
@@ -125,10 +129,6 @@ class Joint(Contiguous):
             columns,
             rows,
         )
-
-    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        columns, rows = self._lines(width, height, dims)
-        return jax.tree.map(lambda column, row: column[None, :] ^ row[:, None], columns, rows)
 
     def finer(self, count: int) -> "Joint":
         spp = validate_finer(self, count, min(MAX_SPP, self.sequence.limit_64 // self.order.length))
@@ -140,11 +140,6 @@ class Joint(Contiguous):
         if moving is None:
             return replace(self, sequence=scrambled, spp=spp)
         return replace(self, sequence=replace(_in_time(scrambled, spp), frame=moving.frame), spp=spp)
-
-    def _lines(self, width: int, height: int, dims: tuple[int, ...]) -> tuple[Any, Any]:
-        x, y = jnp.arange(width, dtype=jnp.uint32), jnp.arange(height, dtype=jnp.uint32)
-        first = super().prepare
-        return first(x, jnp.zeros_like(x), dims), first(jnp.zeros_like(y), y, dims)
 
 
 def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:

@@ -12,11 +12,19 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import ScrambledMorton, morton
+from qmcjax.orders import STEP, ScrambledMorton, morton
 from qmcjax.samplers._along_curve import Index, needed
 from qmcjax.samplers._base import validate_finer
 from qmcjax.samplers._kinds import ForImage, OnRaster
-from qmcjax.samplers._z_index import Frames, Number, append, at_frame, scrambled_number, scrambled_numbers
+from qmcjax.samplers._z_index import (
+    Frames,
+    Number,
+    append,
+    at_frame,
+    scrambled_group,
+    scrambled_number,
+    scrambled_numbers,
+)
 from qmcjax.sequences import BinarySequence
 
 MAX_SPP = 2**31
@@ -36,6 +44,8 @@ class Z(ForImage):
     rounds: int = field(default=1, metadata={"static": True})
     frames: Frames | None = None
     """Numbers of one frame, for each constituent."""
+    squares: tuple[tuple[Array, Array], ...] | None = None
+    """For the first constituents, what the pixels of a square share: see :meth:`with_tables`."""
 
     _limited = "samples of a pixel"
 
@@ -140,12 +150,16 @@ class Z(ForImage):
         code = morton(self.width, self.height).unchecked_position(x, y)
         if self.orders is None:
             return code
-        return {c: self.orders.member(c).scrambled(code, self.log_side) for c in self._wanted(dims)}
+        members = {c: self.orders.member(c) for c in self._wanted(dims)}
+        if self.squares is None:
+            return {c: order.scrambled(code, self.log_side) for c, order in members.items()}
+        return {c: order.inside(self.squares[c], x, y) for c, order in members.items()}
 
-    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        if self.orders is None:
-            return super().prepare_image(width, height, dims)
-        return {c: self.orders.member(c).scrambled_image() for c in self._wanted(dims)}
+    def with_tables(self, dims: tuple[int, ...]) -> "Z":
+        if self.orders is None or self.log_side < STEP:
+            return self
+        count = max(self._wanted(dims)) + 1
+        return replace(self, squares=tuple(self.orders.member(c).squares(STEP) for c in range(count)))
 
     def _wanted(self, dims: tuple[int, ...]) -> list[int]:
         return sorted({self._places[j][0] for j in dims})
@@ -159,12 +173,27 @@ class Z(ForImage):
     def consecutive(
         self, state: Any, block: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> list[Array]:
-        """Return consecutive samples; they share all but the last digits of their numbers."""
-        bits = count.bit_length() - 1
+        """Return consecutive samples, in groups that share all but the last digit of their numbers."""
+        bits, last = count.bit_length() - 1, 2 - self.log_spp % 2
         if count != 2**bits or bits > self.log_spp or self.rounds > 1:
             return super().consecutive(state, block, count, dims, dtype)
         numbers = [Number(block, low, bits) for low in range(count)]
-        return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
+        # Joint sequences would take longer to compile.
+        if self.orders is None or bits < last or max(self.constituents) > 2 or self._has_64_bits:
+            return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
+        made = []
+        for first in numbers[:: 2**last]:
+            groups = {}
+            for c in self._wanted(dims):
+                position, node = state[c]
+                place, changes = scrambled_group(self.orders.member(c), first, self.log_spp, node)
+                groups[c] = append(position, place, self.log_spp)[1], changes
+            each = [
+                self._sequence(c).nearby_coordinates(*groups[c], j, dtype)
+                for c, j in (self._places[j] for j in dims)
+            ]
+            made += [jnp.stack(point, axis=-1) for point in zip(*each, strict=True)]
+        return made
 
     def numbered(
         self, state: Any, number: Number, dims: tuple[int, ...], dtype: DTypeLike, log_count: int | Array
@@ -235,8 +264,8 @@ class AdaptiveZ(OnRaster):
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
 
-    def prepare_image(self, width: int, height: int, dims: tuple[int, ...]) -> Any:
-        return self.sampler.prepare_image(width, height, dims), self.log_counts
+    def with_tables(self, dims: tuple[int, ...]) -> "AdaptiveZ":
+        return replace(self, sampler=self.sampler.with_tables(dims))
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         of_sampler, log_count = state

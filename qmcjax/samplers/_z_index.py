@@ -53,6 +53,22 @@ def scrambled_number(order: ScrambledMorton, number: Number, log_count: int, nod
     return _with_last_bit(order, result, number, node) if log_count % 2 else result
 
 
+def scrambled_group(
+    order: ScrambledMorton, first: Number, log_count: int, node: Array
+) -> tuple[Array, list[Array]]:
+    """Permute the first of the numbers that differ only in their last digit, which may be a bit.
+
+    Returns the result, and its xor with the result for each of these numbers.
+    """
+    place = scrambled_number(order, first, log_count, node)
+    if log_count % 2:
+        return place, [jnp.uint32(0), jnp.uint32(1)]
+    digits = [first.digit(place) for place in range(log_count - 2, 0, -2)]
+    _, node = order.scrambled_digits(digits, node)
+    last = [order.scrambled_digits([jnp.uint32(digit)], node)[0] for digit in range(4)]
+    return place, [last[0] ^ each for each in last]
+
+
 def scrambled_numbers(
     order: ScrambledMorton, number: Number, log_counts: Array, log_most: int, node: Array
 ) -> Array:

@@ -7,7 +7,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
-from tables import Table, first, grammar, is_net, pixels, points_of, refuses, reversed_bits, slow, some
+from tables import (
+    Table,
+    first,
+    grammar,
+    is_net,
+    pixels,
+    points_of,
+    refuses,
+    reversed_bits,
+    slow,
+    slow_cases,
+    some,
+)
 
 from analysis import error_spectrum
 from qmcjax import orders, samplers, sequences
@@ -81,13 +93,12 @@ def drawn(variant, spp):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("size", [(13, 10), *slow((1, 1), (3, 17))])
+@pytest.mark.parametrize("size", [(3, 170), *slow((1, 1), (13, 10))])
 def test_a_whole_image_is_prepared_as_its_pixels_are(variant, size):
     sampler = samplers.z(*size, 4, 11, variant, dims=3)
     x, y = jnp.meshgrid(*map(first, size))
-    assert jax.tree.all(
-        jax.tree.map(np.array_equal, sampler.prepare_image(*size, (0, 2)), sampler.prepare(x, y, dims=(0, 2)))
-    )
+    whole, each = (made.prepare(x, y, (0, 2)) for made in (sampler.with_tables((0, 2)), sampler))
+    assert jax.tree.all(jax.tree.map(np.array_equal, whole, each))
 
 
 @each_case
@@ -279,19 +290,23 @@ def test_any_pixel_any_sample_any_coordinate_on_its_own(sampler):
     assert np.array_equal(image, points.reshape(6, 8, 8, 5)[:, :, 5, 2:3])
 
 
-@pytest.mark.parametrize("rounds, count", [(1, 4), (1, 3), (3, 4), (3, 6), (3, 16)])
-def test_samples_together_are_those_alone(rounds, count):
-    """Also such numbers of them as do not share their leading digits, in and across rounds of 8."""
-    sampler, x = samplers.z(8, 8, 8, 1, "tree").extended(rounds), first(8)
+@pytest.mark.parametrize(
+    "spp, rounds, count",
+    [(8, 1, 4), (8, 1, 3), (8, 3, 4), (64, 1, 8), *slow_cases((8, 3, 6), (8, 3, 16), (16, 1, 2))],
+)
+def test_samples_together_are_those_alone(spp, rounds, count):
+    """Also such numbers of them as do not share their leading digits, in and across rounds."""
+    sampler, x = samplers.z(8, 8, spp, 1, "tree", dims=3, frames=4).at_frame(3).extended(rounds), first(8)
+    dims = (2, 1, 0)
 
     @jax.jit
     def both(block):
-        state = sampler.prepare(x, x, (0, 1))
+        state = sampler.prepare(x, x, dims)
         numbers = [block * np.uint32(count) + np.uint32(k) for k in range(count)]
-        alone = [sampler.points(state, number, (0, 1), jnp.float32) for number in numbers]
-        return alone, sampler.consecutive(state, block, count, (0, 1), jnp.float32)
+        alone = [sampler.points(state, number, dims, jnp.float32) for number in numbers]
+        return alone, sampler.consecutive(state, block, count, dims, jnp.float32)
 
-    for block in range(8 * rounds // count):
+    for block in range(spp * rounds // count):
         alone, together = both(jnp.full_like(x, block))
         assert np.array_equal(alone, together)
 

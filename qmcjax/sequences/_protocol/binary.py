@@ -129,6 +129,23 @@ class BinarySequence(Sequence):
             return to_unit(self.words(index, dims), dtype)
         return jnp.stack([to_unit(self.fraction(index, j).word(), dtype) for j in dims], axis=-1)
 
+    def nearby_coordinates(
+        self, index: Array, changes: list[Array], dim: int, dtype: DTypeLike
+    ) -> list[Array]:
+        """Return one coordinate of the points at ``index ^ change``, for each change below 4."""
+        linear = self.linear
+        if linear is None:
+            return [self.coordinate(index ^ change, dim, dtype) for change in changes]
+        first, columns = linear.fraction(index, dim), [linear.fraction(jnp.uint32(k), dim) for k in (1, 2)]
+        made = []
+        for change in changes:
+            fraction = first
+            for k, column in enumerate(columns):
+                mask = np.uint32(0) - ((change >> k) & np.uint32(1))
+                fraction = fraction ^ column.mapped(*2 * [lambda form, mask=mask: form & mask])
+            made.append(to_unit(self.of_linear(fraction, dim).word(), dtype))
+        return made
+
     def rotated_coordinate(self, index: Array, dim: int, offset: Array, dtype: DTypeLike) -> Array:
         """Return one coordinate plus an offset modulo 1, by wrapping addition of words."""
         return to_unit(self.word(index, dim) + offset, dtype)

@@ -183,7 +183,7 @@ class Z(ForImage):
             return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
         made = []
         for first in numbers[:: 2**last]:
-            groups = {}
+            groups: dict[int, tuple[Array, list[Array]]] = {}
             for c in self._wanted(dims):
                 position, node = state[c]
                 place, changes = scrambled_group(self.orders.member(c), first, self.log_spp, node)

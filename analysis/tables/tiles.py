@@ -135,17 +135,19 @@ TILES: dict[str, dict[str, Any]] = {
     "2d_2": {"side": 64, "spp": 2, "dims": 2, "steps": 1000},
     "2d_4": {"side": 32, "spp": 4, "dims": 2, "steps": 1000},
     "2d_8": {"side": 32, "spp": 8, "dims": 2, "steps": 600},
-    "2d_16": {"side": 16, "spp": 16, "dims": 2, "steps": 600},
+    "2d_16": {"side": 32, "spp": 16, "dims": 2, "steps": 600},
     "4d_1": {"side": 64, "spp": 1, "dims": 4, "steps": 800},
     "4d_2": {"side": 64, "spp": 2, "dims": 4, "steps": 400},
     "4d_4": {"side": 32, "spp": 4, "dims": 4, "steps": 600},
-    "4d_8": {"side": 16, "spp": 8, "dims": 4, "steps": 600},
-    "4d_16": {"side": 16, "spp": 16, "dims": 4, "steps": 400},
+    "4d_8": {"side": 32, "spp": 8, "dims": 4, "steps": 600},
+    "4d_16": {"side": 32, "spp": 16, "dims": 4, "steps": 400},
     "2d_progressive": {"side": 32, "spp": 16, "dims": 2, "steps": 400, "progressive": True},
     "4d_progressive": {"side": 16, "spp": 16, "dims": 4, "steps": 400, "progressive": True},
     "frames": {"side": 32, "spp": 1, "dims": 2, "steps": 400, "frames": 32},
 }
-"""Smaller tiles where they serve as well: with more samples, strata of areas are as many."""
+"""Smaller tiles where they serve as well: with more samples, strata of areas are as many. Denoisers keep the
+repeats of tiles of 16 pixels as a texture.
+"""
 
 
 def tile(name: str) -> NDArray[np.uint16]:

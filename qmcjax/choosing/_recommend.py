@@ -140,10 +140,10 @@ def recommend(
     Animations and progressive images were measured on images of 64 x 64 and of 50 x 38 pixels with 4 keys,
     animations with 32 frames of a still scene at 1 and 4 samples: the tables do not include motion.
 
-    Errors after a denoiser were measured as in the figure ``denoisers``, but in images of 64 x 64 pixels with
-    6 keys, 3 in each scene, at 1, 4 and 16 samples per pixel: flat fields of half-spaces, balls, bumps and
-    products in two and four dimensions, and eight ray-traced scenes, of which some in the last group have
-    more than eight dimensions.
+    Errors after a denoiser were measured by the figure ``denoisers`` in images of 128 x 128 pixels, at 1, 4
+    and 16 samples per pixel: with 16 keys in eight ray-traced scenes, of which some in the last group have
+    more than eight dimensions, and with 8 keys in each class of flat fields, which are half-spaces, balls,
+    bumps and products in two and four dimensions.
 
     Examples
     --------
@@ -153,9 +153,9 @@ def recommend(
     >>> print(choice)
     designed tiles
     It has the least RMS error of 17 samplers on 9 scenes with edges in 2 dimensions
-    at 16 spp. "random" has 2.56 times this error (1.74 to 3.78); 15 others are not
+    at 16 spp. "random" has 2.53 times this error (1.74 to 3.75); 15 others are not
     significantly worse.
-    On single scenes it has at most 1.63 times the error of the best sampler there.
+    On single scenes it has at most 1.66 times the error of the best sampler there.
     >>> image = qj.render(scenes.disc(), choice.sampler(64, 64, key=1), 64, 64, spp=16)
     """
     dims, edges = _asked(needs)

@@ -249,9 +249,13 @@ def designed(
     deviation 1.5 pixels, plus 0.05 times the mean square of the unfiltered error, on average over turns:
     :func:`analysis.design_samples` makes them. In four dimensions the integrands also include half planes of
     the pairs of coordinates (0, 1) and (2, 3), and steps along each coordinate, since scenes often depend on
-    few of them. There is one tile for each of 1, 2, 4, 8 and 16 samples. You can render fewer samples of a
-    tile, but they are not designed unless it is progressive. Each sample of each pixel is uniform over keys,
-    including the first. The figure ``designed-samplers`` shows measured errors.
+    few of them. There is one tile for each of 1, 2, 4, 8 and 16 samples, of 64 x 64 pixels up to 2 samples,
+    otherwise of 32 x 32. You can render fewer samples of a tile, but they are not designed unless it is
+    progressive. Each sample of each pixel is uniform over keys, including the first. The figure
+    ``designed-samplers`` shows measured errors.
+
+    Denoisers can keep the repeats of a tile as a texture (figure ``denoisers``), in particular those of the
+    progressive one of four dimensions, which has 16 x 16 pixels.
 
     The design assumes that neighbours have the same integrand, and points are not stratified along the axes.
     In scenes with many edges on the screen, and for smooth functions in four dimensions, samplers with a net

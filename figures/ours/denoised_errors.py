@@ -62,7 +62,7 @@ class Size(NamedTuple):
 
 SIZES = {
     "draft": Size(FEW, (2,), (1, 16), 8, ("Cornell box",), FEW[::3], (4,), 64, 4),
-    "paper": Size(SAMPLERS, (2, 4), (1, 2, 4, 8, 16, 64), 16, tuple(SCENES), IN_SCENES, (1, 4, 16), 128, 4),
+    "paper": Size(SAMPLERS, (2, 4), (1, 2, 4, 8, 16, 64), 16, tuple(SCENES), IN_SCENES, (1, 4, 16), 128, 16),
 }
 
 COLUMNS = ("raw", "Gaussian", "OIDN", "OIDN, auxiliary")

@@ -124,6 +124,7 @@ def _draw(
             f"flat fields after {column.replace('Gauss', 'a Gauss')}",
             **look,
         )
+        axes.set_yticks(ticks := _round_within(axes.get_ylim()), map(str, ticks))
     across, down = figure.get_size_inches() * DPI
     place = {"loc": "upper left", "bbox_to_anchor": (1390 / across, 1620 / down)}
     figure.legend(*figure.axes[-1].get_legend_handles_labels(), frameon=False, **place)
@@ -147,10 +148,14 @@ def _draw_scenes(axes: Axes, summary: Mapping[str, Mapping[str, judged.Ratio]]) 
     axes.axvline(1, color="0.4", lw=0.8)
     axes.set_yticks(range(len(summary)), list(summary))
     axes.invert_yaxis()
-    left, right = axes.get_xlim()
-    ticks = [each for each in (0.4, 0.5, 0.6, 0.8, 1, 1.2, 1.5, 2, 3) if left < each < right]
-    look = {"legend": "lower center", "bbox_to_anchor": (0.4, 1.1), "ncols": 2, "ticks": ticks}
+    look = {"legend": "lower center", "bbox_to_anchor": (0.4, 1.1), "ncols": 2}
+    look |= {"ticks": _round_within(axes.get_xlim())}
     name_axes(axes, "relative error", title="traced scenes", log="x", **look)
+
+
+def _round_within(limits: tuple[float, float]) -> list[float]:
+    low, high = limits
+    return [each for each in (0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.2, 1.5, 2, 3, 5) if low < each < high]
 
 
 def main() -> None:

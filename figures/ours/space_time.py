@@ -27,12 +27,15 @@ GAP, HEAD = 4, 14
 ZOOM, MILLISECONDS, QUALITY = 2, 120, 40
 
 
-def average(frames: NDArray[np.float64], alpha: float, rounds: int = 3) -> NDArray[np.float64]:
-    """Return moving averages after some rounds of the frames: as if they had always been repeated."""
+def average(frames: NDArray, alpha: float, rounds: int = 3, history: Any = 1.0) -> NDArray:
+    """Return moving averages after some rounds of the frames: as if they had always been repeated.
+
+    ``history``: what a step multiplies earlier frames with, in addition: the transfer function of a motion.
+    """
     mean, found = frames.mean(axis=0), np.empty_like(frames)
     for _ in range(rounds):
         for k, frame in enumerate(frames):
-            mean = (1 - alpha) * mean + alpha * frame
+            mean = (1 - alpha) * history * mean + alpha * frame
             found[k] = mean
     return found
 
@@ -90,8 +93,13 @@ COLUMNS: Mapping[str, tuple[float, Any]] = {
 }
 """Filters: in space, and in time."""
 
-BLOCKS = "blocks\nof 8"
-"""A further column: averages that begin anew every eight frames."""
+BLOCKS, REPROJECTED = "blocks\nof 8", "EMA re-\nprojected"
+"""Further columns: averages that begin anew every eight frames, or follow a moving camera."""
+
+HEADS = (*COLUMNS, BLOCKS, REPROJECTED)
+
+PAN = (0.7, 1.3)
+"""Pixels by which the camera moves in each frame: downward, and to the right."""
 
 PUBLISHED = "published texture"
 
@@ -105,8 +113,9 @@ NOTE = (
     "noise after the same filter; geometric means over keys. Filters in space are Gaussians of 1.5 "
     "pixels; the moving average (EMA) takes 0.1 of each frame, the Gaussian in time has 1.5 frames. "
     f"Frames repeat: golden-ratio shifts jump once in {FRAMES} frames. The targets were 0.55, 0.45, "
-    "0.45, 0.60, and 0.60 for blocks, without a tile. The animation is a soft shadow with one sample "
-    "per pixel and frame. "
+    "0.45, 0.60, and 0.60 for blocks, without a tile. The reprojected average takes its history from "
+    f"where the surface was, by bilinear interpolation; the camera moves by {PAN[1]} and {PAN[0]} pixels "
+    "a frame. The animation is a soft shadow with one sample per pixel and frame. "
 )
 
 TEXTURE = (
@@ -156,7 +165,20 @@ def columns(error: NDArray[np.float64]) -> list[float]:
     """Return root mean squares of errors after each filter."""
     none = np.zeros(error.shape[1:])
     found = [analysis.filtered_error(error, none, sigma, time) for sigma, time in COLUMNS.values()]
-    return [*found, analysis.filtered_error(_in_blocks(error), none, 0, 0)]
+    return [*found, analysis.filtered_error(_in_blocks(error), none, 0, 0), _reprojected(error)]
+
+
+def _reprojected(error: NDArray[np.float64]) -> float:
+    """Return the root mean square of moving averages whose history moves with the camera."""
+    move: Any = 1.0
+    for axis, pan in enumerate(PAN):
+        turn = np.exp(-2j * np.pi * np.fft.fftfreq(error.shape[1 + axis]))
+        whole, part = divmod(pan, 1)
+        along = turn**whole * (1 - part + part * turn)
+        move = move * along.reshape(-1, *(1,) * (error.ndim - 2 - axis))
+    spectra = np.fft.fft2(error, axes=(1, 2), norm="forward")
+    moved = average(spectra, ALPHA, history=move)
+    return float(np.sqrt(np.square(np.abs(moved)).sum(axis=(1, 2)).mean()))
 
 
 def white(shape: tuple[int, ...], spp: int) -> list[float]:
@@ -188,7 +210,7 @@ def measure(quality: str, progress: Callable[[float], None]) -> tuple[Tables, di
     texture = _texture()
     methods = METHODS if texture is None else {**METHODS, PUBLISHED: published}
     side, keys = SIDE[quality], KEYS[quality]
-    labels = [name.replace("\n", " ") for name in (*COLUMNS, BLOCKS)]
+    labels = [name.replace("re-\n", "re").replace("\n", " ") for name in HEADS]
     relative: Tables = {}
     steps = len(CASES[quality]) * len(methods)
     for dims, spp in CASES[quality]:
@@ -237,7 +259,7 @@ def draw_table(axes: Axes, table: Mapping[str, NDArray[np.float64]]) -> None:
                 "color": "white" if dark else "black",
             }
             axes.text(column, row, f"{value:.2f}", ha="center", va="center", **look)
-    axes.set_xticks(range(cells.shape[1]), [*COLUMNS, BLOCKS])
+    axes.set_xticks(range(cells.shape[1]), HEADS)
     axes.xaxis.tick_top()
     axes.tick_params(length=0)
     axes.set_yticks(range(len(table)), list(table))

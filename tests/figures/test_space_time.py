@@ -71,6 +71,22 @@ def test_eleven_frames_are_in_the_order_of_numbers(tmp_path):
     np.testing.assert_array_equal(found[:, 0, 0, 0], (20 * np.arange(11) + 0.5) / 256)
 
 
+def test_history_moves_with_the_camera():
+    """By whole pixels and fractions, as bilinear interpolation in a loop over frames does."""
+    error = np.random.default_rng(3).normal(size=(5, 8, 6, 2))
+    mean, (down, across) = error.mean(axis=0), space_time.PAN
+    for _ in range(40):
+        found = []
+        for frame in error:
+            for axis, pan in ((0, down), (1, across)):
+                near, far = (np.roll(mean, int(pan) + k, axis) for k in (0, 1))
+                mean = near + pan % 1 * (far - near)
+            mean = mean + space_time.ALPHA * (frame - mean)
+            found.append(mean)
+    expected = np.sqrt(np.mean(np.square(found)))
+    np.testing.assert_allclose(space_time.columns(np.tile(error, (8, 1, 1, 1)))[-1], expected, rtol=1e-5)
+
+
 def test_wrong_folders_are_named(texture, tmp_path, capsys):
     def refused(folder, said):
         with pytest.raises(ValueError, match=said):

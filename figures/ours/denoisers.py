@@ -155,7 +155,8 @@ def _draw_scenes(axes: Axes, summary: Mapping[str, Mapping[str, judged.Ratio]]) 
 
 def _round_within(limits: tuple[float, float]) -> list[float]:
     low, high = limits
-    return [each for each in (0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.2, 1.5, 2, 3, 5) if low < each < high]
+    fine, coarse = (0.3, 0.4, 0.5, 0.6, 0.8, 1, 1.2, 1.5, 2, 3, 5), (0.1, 0.2, 0.5, 1, 2, 5, 10)
+    return [each for each in (coarse if high > 6 * low else fine) if low < each < high]
 
 
 def main() -> None:

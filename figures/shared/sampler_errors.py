@@ -50,9 +50,9 @@ $others
 
 AFTER_DENOISER = """
 <p>A denoiser may keep as a texture what a Gaussian forgives: narrow bands and peaks of the spectrum.
-Take <b>$name</b>, at most $ratio times the best after Open Image Denoise, or ask
-<code>recommend(..., after="denoiser")</code>.</p>
-<details><summary>All samplers, provisional: images of 64 x 64 pixels</summary>
+Take <b>$name</b>: at most $ratio times the best after Open Image Denoise on average over scenes, more in
+single ones; or ask <code>recommend(..., after="denoiser")</code>.</p>
+<details><summary>All samplers</summary>
 <div class="scroll" tabindex="0" role="region" aria-label="Errors after a denoiser">
 <table class="errors"><caption>RMS error after Open Image Denoise relative to the best</caption>
 <thead><tr><td></td>$kinds</tr><tr><th scope="col">Sampler</th>$counts</tr></thead>

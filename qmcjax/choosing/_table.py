@@ -71,8 +71,8 @@ DENOISED = Setting(
         or name in ("optimised orders", "Hilbert, Owen-Sobol'")
     },
     (1, 4, 16),
-    ((64, 64),),
-    6,
+    ((128, 128),),
+    16,
     "(0,2), Owen",
     " after Open Image Denoise",
 )

@@ -12,6 +12,9 @@ from qmcjax.core import checks
 MOST = 250
 """Dimensions of all candidates without a smaller limit: those of the lattice."""
 
+_TILED = 2**16
+"""Most samples per pixel of tiles."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -25,9 +28,12 @@ class Candidate:
     """Fewest dimensions; with fewer it equals another candidate."""
     powers_of_two: bool = False
     """Whether its number of samples per pixel must be a power of two."""
+    most_spp: int = 2**31
+    """Most samples per pixel in images of any size."""
 
     def takes(self, dims: int, spp: int) -> bool:
-        return self.least_dims <= dims <= self.most_dims and not (self.powers_of_two and spp & (spp - 1))
+        fits = self.least_dims <= dims <= self.most_dims and spp <= self.most_spp
+        return fits and not (self.powers_of_two and spp & (spp - 1))
 
 
 def _owen(dims: int, key: Any) -> Any:
@@ -88,6 +94,7 @@ CANDIDATES: dict[str, Candidate] = {
     "designed tiles": Candidate(
         lambda dims, width, height, spp, key: samplers.designed(width, height, spp, key, dims),
         powers_of_two=True,
+        most_spp=_TILED,
     ),
     # Along a Morton order with random or optimised permutations.
     "Z0": Candidate(
@@ -166,7 +173,7 @@ FRAMES: dict[str, Candidate] = {
     ),
     "Z, moving": _moving(samplers.z),
     "optimised orders, moving": _moving(samplers.optimized),
-    "designed frames": _moving(samplers.designed),
+    "designed frames": replace(_moving(samplers.designed), most_spp=_TILED),
 }
 """Samplers for animations. A new frame does not recompile."""
 
@@ -185,6 +192,7 @@ PROGRESSIVE: dict[str, Candidate] = {
             width, height, spp, key, dims, progressive=True
         ),
         powers_of_two=True,
+        most_spp=_TILED,
     ),
 }
 """Samplers for images that are shown while they are rendered.

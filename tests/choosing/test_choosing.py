@@ -441,7 +441,7 @@ def test_after_a_denoiser_the_stored_errors_decide():
         means = {name: np.mean(of) for name, of in found.items()}
         assert means[choice.name] == min(means.values()) and choice.others.keys() < means.keys()
         assert {len(of) for of in found.values()} == {len(found["random"])}
-    for dims, spp in product((2, 5, 250), (3, 64, 2**31)):
+    for dims, spp in product((2, 5, 250), (3, 64, 2**17, 2**31)):
         choice = qj.recommend(dims, spp, after="denoiser", size=(100, 76))
         assert choice.sampler(16, 8, 1).dims >= dims
 

@@ -36,14 +36,14 @@ DISC = with_exact(disc=scenes.disc())
 
 @pytest.mark.slow
 def test_ours_has_a_dozen_samplers_and_is_small():
-    """A playground adds at most 400 kB to a page."""
+    """A playground adds at most 440 kB to a page, of which the tile of 16 samples in four dimensions is 118 kB."""
     made_of = playgrounds.packed()
     data = playgrounds.unpacked(made_of.script)
     assert made_of.left_out == {}
     assert [each["name"] for each in data["samplers"]] == list(SAMPLERS) and len(SAMPLERS) == 12
     assert [each["name"] for each in data["scenes"]] == list(SCENES) and len(SCENES) == 8
     assert (data["counts"], data["keys"]) == (list(COUNTS), list(KEYS))
-    assert len(made_of.script) + len(playground_script()) < 400e3
+    assert len(made_of.script) + len(playground_script()) < 440e3
     for each in data["samplers"]:
         assert [len(programs) for programs in each["programs"]] == [len(KEYS)] * len(COUNTS)
         # Keys are parameters: a number of samples has one program.

@@ -36,7 +36,7 @@ DISC = with_exact(disc=scenes.disc())
 
 @pytest.mark.slow
 def test_ours_has_a_dozen_samplers_and_is_small():
-    """A playground adds at most 440 kB to a page, of which the tile of 16 samples in four dimensions is 118 kB."""
+    """A playground adds at most 440 kB to a page; the tile of 16 samples in four dimensions takes 118."""
     made_of = playgrounds.packed()
     data = playgrounds.unpacked(made_of.script)
     assert made_of.left_out == {}

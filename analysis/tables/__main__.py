@@ -37,7 +37,7 @@ TABLES: dict[str, tuple[Any, ...]] = {
     "progressive.npz": ("progressive:table", SAMPLERS),  # Minutes.
     "masks.npz": ("tiles:both_masks", SAMPLERS),  # Minutes.
     "ranked.npz": ("tiles:ranked", SAMPLERS),  # Minutes.
-    "designed.npz": ("tiles:table", SAMPLERS),  # Half an hour on two cores.
+    "designed.npz": ("tiles:table", SAMPLERS),  # An hour on two cores.
     "recommendations.csv": (
         "recommendations:table",
         CHOOSING,

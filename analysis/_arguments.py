@@ -53,9 +53,10 @@ def points(
     most_dims: int | None = None,
     vector: bool = False,
     traced: bool = False,
+    closed: bool = False,
     dtypes: tuple[Any, ...] = FLOATS,
 ) -> Any:
-    """Return points in their own dtype; raise unless they are in [0, 1)^d.
+    """Return points in their own dtype; raise unless they are in [0, 1)^d, or [0, 1]^d if ``closed``.
 
     ``value``: from NumPy, JAX, or nested lists. ``name``: name of the argument, for messages. ``least``,
     ``least_dims``, ``most_dims``: allowed numbers of points and dimensions. ``vector``: whether an array of
@@ -71,9 +72,10 @@ def points(
         given = given[:, None]
     validate_shape(name, given, least, most_dims, least_dims)
     if not isinstance(given, Tracer) and given.dtype.kind == "f":
-        outside = ~((given >= 0) & (given < 1))
+        outside = ~((given >= 0) & ((given <= 1) if closed else (given < 1)))
         if outside.any():
-            raise ValueError(f"{name} must be in [0, 1), got {given[outside][0].item()!r}")
+            interval = "[0, 1]" if closed else "[0, 1)"
+            raise ValueError(f"{name} must be in {interval}, got {given[outside][0].item()!r}")
     return given
 
 

@@ -32,12 +32,14 @@ def cell_bounds(points: NDArray[np.float64]) -> tuple[float, float]:
     """
     n, dims = points.shape
     side = _prime(int(_CELLS ** (1 / dims)))
-    edges = np.arange(side + 1) / side
+    edges, below = np.arange(side + 1) / side, np.nextafter(1, 0)
     count = np.zeros((side + 1,) * dims, np.int32 if n < 2**31 else np.int64)
     cells = count.ravel()
     for start in range(0, n, _BLOCK):
         # Compared with the edges: a product with their number may be rounded across one.
-        index = np.searchsorted(edges, points[start : start + _BLOCK].T, side="right")
+        # A point at 1 counts as just below: this moves the local discrepancy of a box by a rounding error.
+        block = np.minimum(points[start : start + _BLOCK].T, below)
+        index = np.searchsorted(edges, block, side="right")
         np.add.at(cells, np.ravel_multi_index(tuple(index), count.shape), 1)
     for axis in range(dims):
         np.cumsum(count, axis=axis, out=count)
@@ -80,7 +82,7 @@ def star_discrepancy_bounds(
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        At least one point in [0, 1)^d, as for `star_discrepancy`.
+        At least one point in [0, 1]^d, as for `star_discrepancy`.
     key : jax.random.key, or int in [0, 2**32)
         Seed of the search for the lower bound. The best over several keys is a lower bound, too.
     regions : int, optional
@@ -138,7 +140,7 @@ def star_discrepancy_bounds(
     >>> print(round(lower, 9), round(upper, 9))
     0.875 0.875
     """
-    given = _arguments.points(points, vector=True, traced=True)
+    given = _arguments.points(points, vector=True, traced=True, closed=True)
     if regions is None:
         regions = max(1, min(2**18, _COMPARISONS // given.size))
     regions = checks.integer("regions", regions, 1, checks.INDEX_LIMIT - 1)

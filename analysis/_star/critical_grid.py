@@ -51,7 +51,7 @@ class CriticalGrid:
 
 
 def critical_grid(points: NDArray[np.float64]) -> CriticalGrid:
-    """Return the critical grid of points in [0, 1)^d."""
+    """Return the critical grid of points in [0, 1]^d."""
     n, dims = points.shape
     # Equal and small types make the comparisons fast; sums like lo + hi must be avoided.
     dtype = np.int16 if n < 2**15 else np.int32

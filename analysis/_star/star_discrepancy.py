@@ -43,7 +43,7 @@ def star_discrepancy(points: ArrayLike) -> float:
     Parameters
     ----------
     points : float ArrayLike, shape (n, d) or (n,)
-        At least one point in [0, 1)^d; a vector is a set in one dimension. Computed in float64, in
+        At least one point in [0, 1]^d; a vector is a set in one dimension. Computed in float64, in
         which float32 points are exact.
 
     Returns
@@ -81,7 +81,7 @@ def star_discrepancy(points: ArrayLike) -> float:
     >>> star_discrepancy([[0.5, 0.5]])
     0.75
     """
-    given = _arguments.points(points, vector=True, traced=True)
+    given = _arguments.points(points, vector=True, traced=True, closed=True)
     if isinstance(given, Tracer):
         dims = given.shape[1]
         return call_back(
@@ -142,7 +142,7 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
     Parameters
     ----------
     points : float32 or float64 ArrayLike, shape (n, d) or (n,)
-        Points in [0, 1)^d, (n + 1)^d n at most 2^24; a vector is a set in one dimension. Boxes are summed in
+        Points in [0, 1]^d, (n + 1)^d n at most 2^24; a vector is a set in one dimension. Boxes are summed in
         the precision of the points, for any ``jax_enable_x64``.
     temperature : float
         T, positive. The larger, the smoother: more boxes contribute to the derivative.
@@ -169,7 +169,8 @@ def soft_star_discrepancy(points: ArrayLike, temperature: float = 0.01) -> Array
     >>> print(round(float(soft_star_discrepancy(jnp.array([[0.5, 0.5]]), 1e-3)), 6))
     0.75
     """
-    given = _arguments.points(points, vector=True, traced=True, dtypes=(np.float32, np.float64))
+    dtypes = (np.float32, np.float64)
+    given = _arguments.points(points, vector=True, traced=True, closed=True, dtypes=dtypes)
     n, dims = given.shape
     if (n + 1) ** dims * n > _BOXES:
         raise ValueError(

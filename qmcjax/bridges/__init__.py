@@ -12,6 +12,7 @@ from qmcjax.bridges._bake import bake_ranked as bake_ranked
 from qmcjax.bridges._engines import SequenceEngine as SequenceEngine
 from qmcjax.bridges._engines import tabulate as tabulate
 from qmcjax.bridges._images import read_image as read_image
+from qmcjax.bridges._images import read_mask as read_mask
 from qmcjax.bridges._images import write_image as write_image
 from qmcjax.bridges._plain import PlainSampler as PlainSampler
 from qmcjax.bridges._points import read_points as read_points

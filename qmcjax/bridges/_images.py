@@ -12,8 +12,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import read_npy, suffix_of
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 
 _KNOWN = (".exr", ".npy", ".png")
 _SHAPES = "(height, width) or (height, width, 3)"
@@ -59,7 +58,7 @@ def write_image(
     [[0.        0.5000088 1.       ]]
     """
     path = checks.path(path)
-    suffix = suffix_of(path, _KNOWN)
+    suffix = checks.suffix_of(path, _KNOWN)
     known = checks.known_array("image", image, np.floating, f"floats of shape {_SHAPES}")
     if known.ndim not in (2, 3) or not known.size or known.shape[2:] not in ((), (3,)):
         raise ValueError(f"image must have the shape {_SHAPES}, got {known.shape}")
@@ -104,7 +103,8 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
     Returns
     -------
     float32 array, shape (height, width) or (height, width, channels)
-        Linear light: 3 channels, or 4 with alpha; grey with alpha has 2.
+        Linear light: 3 channels, or 4 with alpha; grey with alpha has 2. Of an EXR file, the channels RGBA,
+        RGB or Y in its display window, 0 around its data window.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
         For EXR files without the package ``OpenEXR``, which ``pip install 'qmcjax[exr]'`` installs.
     """
     path = checks.path(path)
-    suffix = suffix_of(path, _KNOWN)
+    suffix = checks.suffix_of(path, _KNOWN)
     transfer = None if transfer is None else checks.choice("transfer", transfer, ("srgb", "linear"))
     if transfer is not None and suffix != ".png":
         raise ValueError(f"transfer must be None except for PNG files, got {transfer!r}")
@@ -135,13 +135,44 @@ def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.flo
     data = path.read_bytes()
     if suffix == ".png":
         return _light_of_png(data, transfer)
-    array = read_npy(data)
+    array = tables.read_npy(data)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
             f"must contain float32 of shape (height, width) or (height, width, channels), got {array.dtype} "
             f"{array.shape}"
         )
     return array.astype(np.float32)
+
+
+def read_mask(path: str | PathLike[str]) -> NDArray[np.float64]:
+    """Read a mask, such as published blue noise, for :func:`qmcjax.samplers.dither` from a PNG file.
+
+    Parameters
+    ----------
+    path : path
+        A PNG file with 8 or 16 bits per channel.
+
+    Returns
+    -------
+    float64 array, shape (rows, columns) or (rows, columns, channels)
+        In (0, 1): level k of 256 is (k + 1/2) / 256, whatever transfer function the file states.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/mask.png", [[0.0, 1.0]], transfer="linear")
+    ...     print(256 * read_mask(f"{folder}/mask.png"))
+    [[  0.5 255.5]]
+    """
+    path = checks.path(path)
+    checks.suffix_of(path, (".png",))
+    try:
+        levels, _, _ = decode_png(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path}, {error}") from None
+    mask = (levels + 0.5) / 2.0 ** (8 * levels.itemsize)
+    return mask[..., 0] if mask.shape[2] == 1 else mask
 
 
 def write_exr(path: Path, pixels: NDArray[np.float32], comment: str) -> None:
@@ -169,18 +200,32 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     package = _open_exr(path)
     try:
         with package.File(str(path), separate_channels=True) as file:
+            # The package empties headers of closed files.
+            announced, *corners = map(file.header().get, (_CHECKSUM, "dataWindow", "displayWindow"))
             channels = {name: channel.pixels for name, channel in file.channels().items()}
-            announced = file.header().get(_CHECKSUM)  # The package empties headers of closed files.
     except Exception as error:  # RuntimeError, UnicodeDecodeError, ...
         raise ValueError(f"byte 4, must be a whole EXR file: {error}") from None
-    if any(pixels.dtype.kind != "f" for pixels in channels.values()):
-        raise ValueError(f"must have channels of floats, got {sorted(channels)}")
-    names = next((names for names in _EXR_CHANNELS if set(names) <= channels.keys()), None)
-    if names is None:
-        raise ValueError(f"must have the channels RGB, RGBA or Y, got {sorted(channels)}")
-    if announced not in (None, _checksum(channels)):
-        raise ValueError(f"byte 4, must be pixels with their checksum, got {_checksum(channels)}")
-    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+    data, display = (np.array(corner, int) for corner in corners)  # (2, 2): first and last column and row
+    size = (data[1] - data[0] + 1)[::-1]
+    kept = {
+        name for name, pixels in channels.items() if pixels.dtype.kind == "f" and pixels.shape == (*size,)
+    }
+    names = next((names for names in _EXR_CHANNELS if set(names) <= kept), None)
+    if names is None or (names == "Y" and channels.keys() & {"RY", "BY"}):
+        found = ", ".join(f"{name} {p.dtype} {p.shape}" for name, p in sorted(channels.items()))
+        what = "floats of full resolution as channels RGBA, RGB, or Y without chroma RY and BY"
+        raise ValueError(f"must have {what}, got {found}")
+    low, high = data - display
+    if (low < 0).any() or (high > 0).any():
+        windows = " and ".join(str(window.tolist()) for window in (data, display))
+        raise ValueError(f"must have its data window within its display window, got {windows}")
+    pixels = np.zeros((*(display[1] - display[0] + 1)[::-1], len(names)), np.float32)
+    crop = np.stack([channels[name] for name in names], axis=-1)
+    pixels[low[1] :, low[0] :][: size[0], : size[1]] = crop
+    found = _checksum({name: pixels[..., k] for k, name in enumerate(names)})
+    if announced not in (None, found):
+        raise ValueError(f"byte 4, must be pixels with their checksum, got {found}")
+    return pixels
 
 
 def _open_exr(path: Path) -> Any:

@@ -10,7 +10,6 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import read_npy, read_npz, suffix_of
 from qmcjax.core import checks, tables
 from qmcjax.core.tables import Line, wrong
 
@@ -37,7 +36,8 @@ def read_points(
         separate point sets; after a point, ``#`` begins a comment. UTF-8, or UTF-16 with its byte order mark.
         All of these may be compressed by gzip (``.csv.gz``).
     which : int or str
-        The index of the point set in the file, counted from 0; or the name of an array in a ``.npz`` file.
+        The index of the point set in the file, counted from 0; or the name of an array in a ``.npz`` file,
+        which is required if there are several.
     header : bool, optional
         Whether the first line of a text, after comments, is a heading. Not needed if all of its fields are
         names (then it is a heading), or all are numbers, unless they are distinct integers.
@@ -96,9 +96,9 @@ def _sets(path: Path, header: bool | None, dims: int | None, max_bytes: int) -> 
     data = tables.contents(path, max_bytes)
     suffix = path.with_suffix("").suffix.lower() if path.suffix.lower() == ".gz" else path.suffix.lower()
     if suffix == ".npz":
-        return {name: array for name, array in read_npz(data, max_bytes).items()}
+        return {**tables.read_npz(data, max_bytes)}
     if suffix == ".npy":
-        found = [read_npy(data)]
+        found = [tables.read_npy(data)]
     elif suffix == ".bin":
         if dims is None:
             raise ValueError("dims must be given for .bin files, which do not store it")
@@ -112,10 +112,12 @@ def _place(which: str | int, places: list[str | int], path: Path) -> str | int:
     """Return the key of a point set, or raise an error that names the argument."""
     if isinstance(which, str):
         if which not in places:
-            raise ValueError(f"which must be one of {places} or a number, got {which!r}")
+            raise ValueError(f"which must be one of {places}, got {which!r}")
         return which
     if not places:
         raise ValueError("must contain points, got none")
+    if isinstance(places[0], str) and len(places) > 1:
+        raise ValueError(f"which must be one of {places}, got {which}")
     if which >= len(places):
         raise ValueError(f"which must be below the {len(places)} point sets in it, got {which}")
     return places[which]
@@ -172,7 +174,7 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     0.5 0.5
     """
     path = checks.path(path)
-    suffix = suffix_of(path, _WRITTEN)
+    suffix = checks.suffix_of(path, _WRITTEN)
     known = checks.known_array("points", points, np.floating, "floats of shape (n, dims)")
     if known.dtype.kind != "f":  # such as bfloat16
         known = known.astype(np.float64)

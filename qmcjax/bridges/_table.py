@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges._arrays import suffix_of
 from qmcjax.bridges._images import encode_png, write_exr
 from qmcjax.core import checks
 
@@ -227,7 +226,7 @@ class BakedTable:
             second file with ``.txt`` appended to the name.
         """
         path = checks.path(path)
-        suffix = suffix_of(path, (*_DEPTHS, ".npz", ".h"))
+        suffix = checks.suffix_of(path, (*_DEPTHS, ".npz", ".h"))
         depths = _DEPTHS.get(suffix, (self.bits,))
         if self.bits not in depths:
             raise ValueError(f"path must end in .npz or .h for bits={self.bits}, got {suffix}")

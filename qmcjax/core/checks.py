@@ -69,6 +69,14 @@ def path(value: Any) -> Path:
     return Path(value)
 
 
+def suffix_of(path: Path, known: Iterable[str]) -> str:
+    """Return the suffix of a path in lower case, or raise a ValueError if it is unknown."""
+    suffix = path.suffix.lower()
+    if suffix not in known:
+        raise ValueError(f"path must end in one of {', '.join(known)}, got {shown(str(path))}")
+    return suffix
+
+
 def flag(name: str, value: Any) -> bool:
     """Return True or False, or raise a TypeError."""
     if not isinstance(value, bool | np.bool_):

@@ -7,6 +7,8 @@ import codecs
 import gzip
 import io
 import re
+import warnings
+import zipfile
 import zlib
 from importlib import resources
 from importlib.resources.abc import Traversable
@@ -147,3 +149,57 @@ def _fields(line: str, plain: str) -> list[Field]:
 
 def _unquoted(text: str) -> str:
     return text[1:-1].strip(" \t") if _QUOTED.fullmatch(text) else text
+
+
+def read_npy(data: bytes) -> NDArray:
+    """Return the array of a ``.npy`` file, which must end after it."""
+    file = io.BytesIO(data)
+    try:
+        with warnings.catch_warnings(action="error"):
+            array = np.lib.format.read_array(file, allow_pickle=False)
+    except Exception as error:  # ValueError, MemoryError, SyntaxError, UserWarning, ...
+        raise ValueError(f"byte {file.tell()}, must be a whole .npy file: {error}") from None
+    if file.read(1):
+        raise ValueError(f"byte {len(data)}, must end after {file.tell() - 1} bytes, got {len(data)}")
+    return array
+
+
+def read_npz(data: bytes, max_bytes: int) -> dict[str, NDArray]:
+    """Return the arrays of a ``.npz`` file with matching checksums; see :func:`read_npy`.
+
+    Sizes in the directory are checked before unpacking, and limit it.
+    """
+    arrays = {}
+    place = max(data.rfind(b"PK\x05\x06"), 0)  # the directory, at the end
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            size = sum(member.file_size for member in archive.infolist())
+            if size > max_bytes:
+                raise ValueError(f"they must take at most max_bytes={max_bytes}, got {size} bytes unpacked")
+            for member in archive.infolist():
+                place = max(member.header_offset, 0)
+                if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise ValueError(f"they must be stored or deflated, got method {member.compress_type}")
+                with archive.open(member) as content:
+                    arrays[member.filename.removesuffix(".npy")] = content.read(member.file_size)
+    except Exception as error:  # BadZipFile, zlib.error, EOFError, struct.error, RuntimeError, ...
+        raise ValueError(f"byte {place}, must be an archive of arrays: {error}") from None
+    for name, content in arrays.items():
+        try:
+            arrays[name] = read_npy(content)
+        except ValueError as error:
+            raise ValueError(f"array {name!r}, {error}") from None
+    return arrays
+
+
+ARRAYS = (".npy", ".npz")
+
+
+def only_array(data: bytes, suffix: str, max_bytes: int) -> NDArray:
+    """Return the array of a ``.npy`` file, or of a ``.npz`` file that has one."""
+    if suffix == ".npy":
+        return read_npy(data)
+    found = read_npz(data, max_bytes)
+    if len(found) != 1:
+        raise ValueError(f"must contain one array, got {sorted(found)}")
+    return next(iter(found.values()))

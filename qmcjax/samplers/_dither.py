@@ -83,10 +83,11 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
 
     Parameters
     ----------
-    mask : float or uint32 ArrayLike, shape (rows, columns) or (rows, columns, channels)
-        Floats in [0, 1), rounded down to 32-bit fractions, or these fractions. Pixel (x, y) is shifted by
-        ``mask[y % rows, x % columns]``. Further coordinates of the sequence reuse the channels of the mask,
-        each time translated by a different long vector.
+    mask : ArrayLike, shape (rows, columns) or (rows, columns, channels)
+        Floats in [0, 1), rounded down to 32-bit fractions, or these fractions as uint32. uint8 and uint16 are
+        levels: k of 256 is (k + 1/2) / 256, as in :func:`qmcjax.bridges.read_mask`. Pixel (x, y) is shifted
+        by ``mask[y % rows, x % columns]``. Further coordinates of the sequence reuse the channels of the
+        mask, each time translated by a different long vector.
     sequence : Sequence
         Preferably uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not preserve
         elementary intervals.
@@ -119,7 +120,14 @@ def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
     >>> print(sampler(1, 2, 0, dims=(0,)), sampler(1, 2, 1, dims=(0,)))
     [0.25] [0.75]
     """
-    offsets = fractions("mask", mask)
+    levels = getattr(mask, "dtype", None)
+    if levels in (np.uint8, np.uint16):
+        half = np.uint32(1 << (31 - 8 * np.dtype(levels).itemsize))
+        mask = (2 * jnp.asarray(mask).astype(jnp.uint32) + np.uint32(1)) * half
+    try:
+        offsets = fractions("mask", mask)
+    except ValueError as error:
+        raise ValueError(f"{error} (bridges.read_mask reads the levels of an image)") from None
     if offsets.ndim not in (2, 3):
         raise ValueError(
             f"mask must have the shape (rows, columns) or (rows, columns, channels), got {offsets.shape}"

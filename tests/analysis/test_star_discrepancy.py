@@ -69,7 +69,7 @@ def point_sets(draw):
     n = draw(st.integers(1, {1: 12, 2: 9, 3: 6, 4: 4}[dims]))
     side = draw(st.sampled_from([1, 2, 3, 7, 16, 1000]))
     grid = st.integers(0, side - 1).map(lambda k: k / side)
-    edge = st.sampled_from([0.0, 5e-324, *BELOW_ONE])
+    edge = st.sampled_from([0.0, 5e-324, *BELOW_ONE, 1.0])
     coordinate = st.one_of(st.floats(0, 1, exclude_max=True), grid, grid, edge)
     if draw(st.booleans()):
         step = draw(st.lists(st.integers(0, n - 1), min_size=dims, max_size=dims))
@@ -100,6 +100,7 @@ def families(n, dims):
     yield "random", rng.random((n, dims))
     yield "clustered", 0.4 * rng.random((n, dims)) ** 4
     yield "at the top", np.minimum(1 - 0.4 * rng.random((n, dims)) ** 4, BELOW_ONE[0])
+    yield "at 1", np.where(rng.random((n, dims)) < 0.2, 1.0, rng.random((n, dims)))
     yield "sobol", sobol(dims, n)
     yield "sobol, other block", sobol(dims, n, 5 * n)
     yield "halton", many(sequences.halton, dims)[:n]
@@ -199,6 +200,11 @@ def test_one_point(dims):
     lower, upper = star_discrepancy_bounds(np.full((3, dims), 0.5), regions=1)
     exact = max(0.5, 1 - 0.5**dims)
     assert exact - 2 * rounding(dims) <= lower <= exact <= upper
+
+
+def test_points_of_the_closed_cube():
+    """[0, 1) x [0, 1] holds one of three points; published sets have coordinates of 1."""
+    assert star_discrepancy([[0.25, 1.0], [1.0, 0.375], [0.625, 0.625]]) == pytest.approx(2 / 3, abs=2**-51)
 
 
 def test_points_just_below_one():

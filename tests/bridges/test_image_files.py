@@ -12,7 +12,8 @@ from damage import CORRUPTED, corrupted, peak
 from PIL import Image
 from refusals import refused
 
-from qmcjax.bridges import _images, read_image, write_image
+from qmcjax import samplers, sequences
+from qmcjax.bridges import _images, read_image, read_mask, write_image
 
 
 def test_damaged_pictures_are_told_with_the_place(tmp_path):
@@ -214,6 +215,88 @@ def test_exr_of_other_programs(tmp_path):
             assert np.array_equal(read_image(path), exact.astype(np.float32))
 
 
+def plain_exr(channels, data, display):
+    """Return an uncompressed EXR file of arrays and sampling rates, independent of the package.
+
+    Windows are the first and the last column and row.
+    """
+    kinds, names = {np.dtype("u4"): 0, np.dtype("f2"): 1, np.dtype("f4"): 2}, sorted(channels)
+    listed = b"".join(
+        name.encode() + struct.pack("<xiIii", kinds[channels[name][0].dtype], 0, *channels[name][1:] * 2)
+        for name in names
+    )
+    attributes = (
+        ("channels", "chlist", listed + b"\0"), ("compression", "compression", b"\0"),
+        ("dataWindow", "box2i", struct.pack("<4i", *data)), ("lineOrder", "lineOrder", b"\0"),
+        ("displayWindow", "box2i", struct.pack("<4i", *display)),
+        ("pixelAspectRatio", "float", struct.pack("<f", 1)), ("screenWindowCenter", "v2f", bytes(8)),
+        ("screenWindowWidth", "float", struct.pack("<f", 1)),
+    )  # fmt: skip
+    head = struct.pack("<II", 20000630, 2)
+    for name, kind, body in attributes:
+        head += f"{name}\0{kind}\0".encode() + struct.pack("<i", len(body)) + body
+    lines, place = [], len(head) + 1 + 8 * (data[3] - data[1] + 1)
+    for y in range(data[1], data[3] + 1):
+        some = [channels[name] for name in names if y % channels[name][1] == 0]
+        body = b"".join(array[(y - data[1]) // step].tobytes() for array, step in some)
+        lines.append(struct.pack("<ii", y, len(body)) + body)
+    places = place + np.cumsum([0, *map(len, lines[:-1])])
+    return head + b"\0" + places.astype("<u8").tobytes() + b"".join(lines)
+
+
+def test_channels_and_windows_of_exr(tmp_path):
+    """RGB beside other channels, at its place in the display window; what is not understood is named."""
+    pytest.importorskip("OpenEXR")
+    path, rgb = tmp_path / "image.exr", np.random.default_rng(3).random((4, 6, 3), np.float32)
+    full, small = {name: (rgb[..., k], 1) for k, name in enumerate("RGB")}, np.ones((2, 3), np.float32)
+    whole = (0, 0, 5, 3)
+    for more in (
+        {"id": (np.zeros((4, 6), np.uint32), 1)},
+        {"Z": (small, 2)},
+        {"A": (np.zeros((4, 6), "u4"), 1)},
+    ):
+        path.write_bytes(plain_exr(full | more, whole, whole))
+        assert np.array_equal(read_image(path), rgb), more
+    path.write_bytes(plain_exr(full, (2, 2, 7, 5), (-1, 0, 8, 9)))
+    assert np.array_equal(read_image(path), np.pad(rgb, ((2, 4), (3, 1), (0, 0))))
+    chroma, halved = (
+        {"Y": full["R"], "RY": (small, 2), "BY": (small, 2)},
+        {name: (small, 2) for name in "RGB"},
+    )
+    for channels, data, display, message in (
+        (chroma, whole, whole, "Y without chroma RY and BY, got BY float32 .2, 3., RY"),
+        (halved, whole, whole, "floats of full resolution .* got B float32 .2, 3."),
+        (
+            {name: (np.zeros((4, 6), np.uint32), 1) for name in "RGB"},
+            whole,
+            whole,
+            "must have floats .* B uint32",
+        ),
+        (full, (2, 0, 7, 3), whole, r"got \[\[2, 0\], \[7, 3\]\] and \[\[0, 0\], \[5, 3\]\]"),
+    ):
+        path.write_bytes(plain_exr(channels, data, display))
+        with pytest.raises(ValueError, match=message):
+            read_image(path)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_masks_are_levels(tmp_path, dtype):
+    """The last level is below 1, and integers are read alike."""
+    levels = np.random.default_rng(1).integers(0, 256, (8, 8)).astype(dtype) * dtype(
+        np.iinfo(dtype).max // 255
+    )
+    levels[0, :2] = 0, np.iinfo(dtype).max
+    path, size = tmp_path / "mask.png", 2.0 ** (8 * levels.itemsize)
+    path.write_bytes(_images.encode_png(levels[..., None], {}, "srgb"))
+    mask = read_mask(path)
+    assert np.array_equal(mask, (levels + 0.5) / size)
+    samplers_of = [samplers.dither(each, sequences.sobol(2)) for each in (mask, levels)]
+    assert np.array_equal(*(sampler.offsets for sampler in samplers_of))
+    assert np.array_equal(np.asarray(samplers_of[0].offsets)[..., 0] / 2.0**32, mask)
+    with pytest.raises(ValueError, match=r"got 1.0 .bridges.read_mask reads the levels"):
+        samplers.dither(read_image(path, transfer="srgb"), sequences.sobol(2))
+
+
 @pytest.mark.parametrize("noise", [False, True])
 def test_damaged_exr_is_refused(tmp_path, noise):
     """Chunks of noise are not compressed, and have no other checksum than ours."""
@@ -229,7 +312,7 @@ def test_damaged_exr_is_refused(tmp_path, noise):
         try:
             assert np.array_equal(read_image(path), image)
         except ValueError as error:
-            assert re.search(r"image\.exr, (byte \d+, |must have the channels )", str(error)), error
+            assert re.search(r"image\.exr, (byte \d+, |must have (floats|its) )", str(error)), error
 
 
 def test_exr_needs_its_package(tmp_path, monkeypatch):

@@ -200,14 +200,14 @@ def test_point_sets_of_archives_binary_files_and_texts(tmp_path):
     )
     rows = ["\n".join(" ".join(f"{x:.17f}" for x in point) for point in part[1:]) for part in parts]
     (tmp_path / "a.dat").write_text("# comment\n" + "\n#\n".join(rows) + "\n\n#\n")
-    for which in ("second", 1):
-        assert np.array_equal(read_points(tmp_path / "a.npz", which), POINTS[:4])
+    assert np.array_equal(read_points(tmp_path / "a.npz", "second"), POINTS[:4])
     assert np.array_equal(read_points(tmp_path / "a.bin", 1, dims=3), POINTS[:4])
     assert np.allclose(read_points(tmp_path / "a.dat", 1), POINTS[1:4], rtol=0, atol=2.0**-53)
     np.save(tmp_path / "a.npy", np.arange(4))
     for name, given, message in (
-        ("a.npz", {"which": "x"}, r"which must be one of \['first', 'second'\] or a number, got 'x'"),
-        ("a.npz", {"dims": 2}, "dims=2 coordinates, got 3"),
+        ("a.npz", {"which": "x"}, r"which must be one of \['first', 'second'\], got 'x'"),
+        ("a.npz", {}, r"which must be one of \['first', 'second'\], got 0"),
+        ("a.npz", {"which": "first", "dims": 2}, "dims=2 coordinates, got 3"),
         ("a.bin", {}, r"dims must be given for \.bin files"),
         ("a.dat", {"which": 2}, "which must be below the 2 point sets .* got 2"),
         ("a.dat", {"which": -1}, "which must be .* got -1"),

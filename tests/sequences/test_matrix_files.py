@@ -349,3 +349,27 @@ def test_tables_of_utk_begin_at_1(file):
     """As its data/Sobol/cascaded_sobol_init_tab.dat does."""
     numbers = sequences.read_direction_numbers(file("d s a   m_i     \n1 1 0\t 1\n2 1 0\t 1\n3 2 1\t 1 3\n"))
     assert numbers == ((0b11, (1,)), (0b11, (1,)), (0b111, (1, 3)))
+
+
+def test_arrays_are_tables(tmp_path):
+    """Each reader takes what NumPy saves, as the same text; several arrays are refused by their names."""
+    words = np.asarray(sequences.sobol(3).matrices)
+    digits = (words[:, None, :8] >> np.arange(31, 23, -1, dtype=np.uint32)[:, None]) & 1
+    numbers = sequences.read_direction_numbers
+    for array, reader, expected in (
+        (words, sequences.read_matrices, words),
+        (digits.astype(np.uint8), sequences.read_matrices, np.where(np.arange(32) < 8, words, 0)),
+        (np.array([1, 7]), lambda path: sequences.read_lattice(path, 16).points(16)[3], [3 / 16, 5 / 16]),
+        (np.array([[2, 1, 0, 1, 0], [3, 2, 1, 1, 3]]), numbers, [(0b11, (1,)), (0b111, (1, 3))]),
+    ):  # fmt: skip
+        np.save(tmp_path / "a.npy", array)
+        np.savez(tmp_path / "a.npz", only=array)
+        np.savez(tmp_path / "two.npz", b=array, a=array)
+        for name in ("a.npy", "a.npz"):
+            found = reader(tmp_path / name)
+            assert found == tuple(expected) if reader is numbers else np.array_equal(found, expected)
+        with pytest.raises(ValueError, match=r"two\.npz, must contain one array, got \['a', 'b'\]"):
+            reader(tmp_path / "two.npz")
+        np.save(tmp_path / "a.npy", array.astype(float))
+        with pytest.raises(ValueError, match=r"a\.npy, must contain .* got an array of float64"):
+            reader(tmp_path / "a.npy")

@@ -32,7 +32,8 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
     path : path
         A file such as ``new-joe-kuo-6.21201`` [1]_, optionally compressed by gzip; UTK's tables, whose d
         starts at 1; or ``soboljk`` and ``sobol`` files of LDData and LatNet Builder. Those of LatNet Builder
-        contain only the initial numbers, for the polynomials of Joe and Kuo.
+        contain only the initial numbers, for the polynomials of Joe and Kuo. Or rows of an array, filled up
+        with zeros, in a ``.npy`` file, or in ``.npz`` with one array.
 
     Returns
     -------

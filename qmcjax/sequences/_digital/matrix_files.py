@@ -1,13 +1,14 @@
 """Reading and writing generator matrices."""
 
 from os import PathLike
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
 from qmcjax.core.bits import reverse
 from qmcjax.sequences._digital.cells import packed
 from qmcjax.sequences._digital.digital import digital
@@ -95,7 +96,9 @@ def read_matrices(
           a net with a left matrix scramble, the scrambled matrices are read;
         - columns as in the Magic Point Shop [3]_: no header, one matrix per line, columns as integers with
           the first row as lowest bit;
-        - matrices of MatBuilder [4]_: one row of digits per line, one square matrix after another.
+        - matrices of MatBuilder [4]_: one row of digits per line, one square matrix after another;
+
+        or a ``.npy`` file, or ``.npz`` with one array, of what is returned, or of digits in base 2.
     base : int, optional
         In [2, 256]. Required for MatBuilder files, which do not state it, and for columns that look like
         them: square blocks of integers below 256. Other files must be in this base, by default 2.
@@ -142,6 +145,8 @@ def read_matrices(
     """
     given = base if base is None else checks.integer("base", base, 2, _BASES)
     base = given or 2
+    if (known := checks.path(path)).suffix.lower() in tables.ARRAYS:
+        return _of_array(known, base, max_bytes)
     file = integer_file(path, max_bytes)
     kind, latnet = file.heading.kind, file.heading.latnet
     if kind in ("dnet", "dnetup") and not latnet:
@@ -246,7 +251,30 @@ def _of_rows(file: IntegerFile, size: int, base: int) -> NDArray:
     if len(table) % size:
         last = file.lines[-1].number
         raise wrong(file.path, last, f"the end of a matrix of {size} rows", f"{len(table)} rows")
-    matrices = np.array(table, np.int64).reshape(-1, size, size)
+    return _of_digits(np.array(table, np.int64).reshape(-1, size, size), base)
+
+
+def _of_array(path: Path, base: int, max_bytes: int) -> NDArray:
+    """Return matrices from a file in the format of NumPy, of the form in which they are returned."""
+    try:
+        data = tables.contents(path, checks.integer("max_bytes", max_bytes, 1, 2**63 - 1))
+        array = tables.only_array(data, path.suffix.lower(), max_bytes)
+        if base == 2 and array.dtype == np.uint32 and array.ndim == 2 and array.shape[1] == WORD:
+            return array
+        if (
+            array.dtype.kind in "iu"
+            and array.ndim == 3
+            and array.size
+            and 0 <= array.min() <= array.max() < base
+        ):
+            return _of_digits(array.astype(np.int64), base)
+        what = f"uint32 of shape (dims, {WORD}), or digits in base {base} of shape (dims, rows, columns)"
+        raise ValueError(f"must contain {what}, got {checks.shown(array)}")
+    except ValueError as error:
+        raise ValueError(f"{path}, {error}") from None
+
+
+def _of_digits(matrices: NDArray[np.int64], base: int) -> NDArray:
     if base != 2:
         return matrices
     words = packed(matrices[:, :WORD])[:, :WORD]

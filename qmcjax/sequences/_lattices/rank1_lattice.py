@@ -190,7 +190,9 @@ def read_lattice(
           Builder for ordinary lattices [2]_, embedded or not: the number of dimensions, the number of points,
           and the vector, one integer per line;
         - only the vector, one integer per line, or pairs of a dimension and an integer, as in the Magic Point
-          Shop [3]_ and in Kuo's files [4]_.
+          Shop [3]_ and in Kuo's files [4]_;
+
+        or the vector in a ``.npy`` file, or in ``.npz`` with one array.
     n : int, optional
         In [1, 2**32]: number of points, for files with only a vector.
     max_bytes : int

@@ -77,11 +77,17 @@ def wrong(path: Path, number: int, rule: str, got: Any) -> ValueError:
 
 
 def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False) -> IntegerFile:
-    """Read a file. Outside of comments it must contain only integers, after a line of names if ``named``."""
+    """Read a file. Outside of comments it must contain only integers, after a line of names if ``named``.
+
+    Rows of arrays in NumPy's formats are lines; those of ``named`` tables end before zeros.
+    """
     path = checks.path(path)
     max_bytes = checks.integer("max_bytes", max_bytes, 1, 2**63 - 1)
     try:
-        lines = tables.lines(tables.contents(path, max_bytes))
+        data = tables.contents(path, max_bytes)
+        if (suffix := path.suffix.lower()) in tables.ARRAYS:
+            return IntegerFile(path, Heading(1, "", "", False), _rows(data, suffix, max_bytes, named), [])
+        lines = tables.lines(data)
         first = next(place for place, line in enumerate(lines) if line.fields)
         texts = [" ".join((line.comment or "").lower().split()) for line in lines]
         comments = [(line.number, text) for line, text in zip(lines, texts, strict=True) if not line.fields]
@@ -92,6 +98,16 @@ def integer_file(path: str | PathLike[str], max_bytes: int, named: bool = False)
     except ValueError as error:
         raise ValueError(f"{path}, {error}") from None
     return IntegerFile(path, heading, integers, comments)
+
+
+def _rows(data: bytes, suffix: str, max_bytes: int, padded: bool) -> list[IntegerLine]:
+    array = tables.only_array(data, suffix, max_bytes)
+    if array.dtype.kind not in "iu" or array.ndim not in (1, 2) or not array.size or array.min() < 0:
+        raise ValueError(f"must contain non-negative integers of one or two axes, got {checks.shown(array)}")
+    rows = array.reshape(len(array), -1).tolist()
+    if padded:
+        rows = [row[: max((k + 1 for k, value in enumerate(row) if value), default=0)] for row in rows]
+    return [IntegerLine(number, row, "") for number, row in enumerate(rows, start=1)]
 
 
 def _integers(line: tables.Line) -> IntegerLine:

@@ -145,6 +145,10 @@ def owen(sequence: BinarySequence | DigitSequence, key: Array | int) -> Owen | O
     shifted arguments. If this matters, use :func:`owen_exact`. In contrast to linear scrambling, factors do
     not depend only on the place of a digit, and the base may be composite.
 
+    Two scramblings of one sequence are no further dimensions of each other: equal digits of the sequence keep
+    their points in the same places of both, whatever the keys, as for Sobol' indices from two matrices of
+    points. Scramble one sequence of all dimensions and divide them: ``owen(sobol(2 * d), key)``.
+
     References
     ----------
     .. [1] A. B. Owen, "Randomly permuted (t,m,s)-nets and (t,s)-sequences", 1995.

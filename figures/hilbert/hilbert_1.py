@@ -57,9 +57,10 @@ NOTE = (
     "the maximum 5, as does Wunderlich's meander; the other four are Peano's own, its transpose, and "
     "the two that transpose every other part. Other definitions give the same maxima: with the border; "
     "without the segment that starts the curve; with the ends of closed curves joined. The means of "
-    "Hilbert, Moore and Peano all approach 3. Discrepancies are for one point per pixel of Halton "
-    "sequences in bases 2 and 3, and 5 and 7, and of an Owen-scrambled Sobol' sequence, on 128 x 128 "
-    "and 81 x 81 pixels."
+    "Hilbert, Moore and Peano all approach 3. The control are rows: all their interior neighbourhoods have "
+    "3 segments, and are more uniform than along the Hilbert curve for Halton in bases 5 and 7, not for 2 "
+    "and 3. Discrepancies are for one point per pixel of Halton sequences in bases 2 and 3, and 5 and 7, "
+    "and of an Owen-scrambled Sobol' sequence, on 128 x 128 and 81 x 81 pixels."
 )
 
 
@@ -67,7 +68,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the curves with the number of segments in every pixel, and the histograms of larger grids."""
     sides = COUNTED[quality]
     figure = new_figure(
-        "No curve has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
+        "Of the four curves, none has fewer segments in its worst 3x3 neighbourhood than Hilbert's\n"
         "Hilbert paper, Fig. 1; each number says in how many segments the curve visits the 3x3 pixels around",
         5.0,
     )
@@ -89,6 +90,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     )
     bars.set_xticks(range(len(CURVES)), list(CURVES))
     bars.tick_params(bottom=False)
+    rows = [Curve(np.arange(side**2).reshape(side, side)) for side in (sides[0], UNIFORM[0])]
+    measured["rows"] = _measure(rows[0]) | {
+        MEAN: {title: _uniformity(rows[1], points)[0] for title, points in SEQUENCES.items()}
+    }
     measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
     measured["maxima of the 512 variants of the Peano curve"] = _count_variants()
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}

@@ -101,7 +101,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     passes = _render_passes(scene, side, counts[-1])
     measured[PASSES] = {f"{counts[-1]} spp": diffusion.measures(passes, exact, area)}
     title = (
-        "Along the Hilbert curve the error is about that of the global sequence\n"
+        "Along the Hilbert curve the RMS error is mostly about that of the global sequence\n"
         f"Hilbert paper, Fig. 5; our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces\n"
         "insets are of the red square; filtered error: RMS after a Gaussian of 1.5 pixels"
     )

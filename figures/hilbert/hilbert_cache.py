@@ -127,6 +127,7 @@ def _draw(of: dict[str, Any], side: int) -> Figure:
     curves(left, {name: of[name] for name in DRAWN}, DRAWN)
     ticks = {float(size): str(size) for size in SIZES[::2]}
     name_axes(left, "nodes in the cache", "misses (%)", log="xy", ticks=ticks, few_decades=True)
+    left.set_ylim(bottom=2)
     left.legend(frameon=False)
     for size, line in ((SMALL, "-"), (LARGE, "--")):
         missed = {1: of[ROWS][str(size)]}

@@ -174,3 +174,22 @@ def verdict(found: Found | Mapping[str, Found]) -> str:
     if held == {False}:
         return "differs"
     return "depends" if held >= {True, False} else "undecided"
+
+
+def reservation(name: str, quality: Any, numbers: Any) -> str:
+    """Return how many findings of a run are not those that a figure's title rests on, empty if all are.
+
+    Titles state what the stored run in paper quality found. Others, drafts above all, may leave it undecided.
+    """
+    kept = stored().get(name, {}).get("numbers", {}).get("claims", {})
+    found = numbers.get("claims") if isinstance(numbers, Mapping) else None
+    if not isinstance(found, Mapping):
+        return ""
+    pairs = [(of, _cases(found.get(key)).get(case)) for key in kept for case, of in _cases(kept[key]).items()]
+    count = sum(one != other and other is not None for one, other in pairs)
+    run = "draft" if quality == "draft" else "not in this run"
+    return f"{run}: {count} of {len(pairs)} findings are otherwise or undecided" if count else ""
+
+
+def _cases(found: Any) -> Mapping[str, Found]:
+    return found if isinstance(found, Mapping) else {"": found}

@@ -20,6 +20,7 @@ from multiprocessing.context import ForkServerContext, SpawnContext
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from figures import ledger
 from figures.making import compiled_programs
 from figures.making.finished_cells import PLACE, Place
 from figures.making.legibility import faults
@@ -221,6 +222,11 @@ def draw(task: Task, progress: Callable[[float], None]) -> Done:
         picture, numbers, *handed = parts
         images, others = (*handed, *(None, {})[len(handed) :])
         check_numbers(numbers)
+        if reservation := ledger.reservation(task.name, task.quality, numbers):
+            for text in picture.texts:
+                if (message := text.get_text()) == picture.get_suptitle():
+                    first = message.rstrip("\n")
+                    text.set_text(message.replace(first, f"{first} ({reservation.partition(':')[0]})"))
         files = _encode(picture, task.formats)
         wrong = faults(picture)
     plt.close("all")

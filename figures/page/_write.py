@@ -152,6 +152,11 @@ def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] 
     return folder / PAGE
 
 
+def _title(name: str, title: str, entry: Mapping[str, Any] | None) -> str:
+    reservation = ledger.reservation(name, entry.get("quality"), entry.get("numbers")) if entry else ""
+    return f"{title} ({reservation})" if reservation else title
+
+
 def files(
     folder: Path,
     catalogue: Mapping[str, Entry],
@@ -163,7 +168,7 @@ def files(
     figures = {
         name: Figure(
             name,
-            entry.title,
+            _title(name, entry.title, entries.get(name)),
             entries.get(name),
             [finding for finding in assessed.findings if finding.claim.figure == name],
             assessed.drafts,

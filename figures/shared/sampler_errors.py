@@ -31,7 +31,7 @@ TABLE = """
 """
 
 PAGE = """
-<p class="lead">If you do not want to choose, take the sampler with the least worst case.</p>
+<p class="lead">If you do not want to choose, take the sampler with the smallest worst-case ratio.</p>
 $safest
 <pre><code>from qmcjax.choosing import CANDIDATES
 

@@ -42,7 +42,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     figure = new_figure(
         "The accordion order keeps neighbours closer than the Morton order\n"
-        "Z paper, Fig. 4; jumps are blue; mean steps are of 256 x 256 pixels",
+        "Z paper, Fig. 4; jumps are blue; mean steps, in pixels, are of 256 x 256",
         4.3,
     )
     grid = figure.add_gridspec(2, 3, height_ratios=(2.2, 1))

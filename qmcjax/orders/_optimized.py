@@ -152,7 +152,7 @@ def _positions(number: int) -> NDArray[np.uint16]:
 
 
 def optimized(width: int, height: int, spp: int, key: Array | int) -> OptimizedOrder:
-    """Make a Morton order with quadrants permuted to make the errors of neighbouring pixels cancel.
+    """Make a Morton order with quadrants permuted so that errors of neighbouring pixels partly cancel.
 
     As in :func:`scrambled_morton`, every aligned square of ``2**k`` pixels per side keeps one contiguous
     aligned run of positions. Permutations are looked up in a tile of 64 x 64 pixels. They minimise the error

@@ -29,10 +29,10 @@ def render_adaptive(
     """Average only the samples that each pixel needs.
 
     If ``scene.varies`` proves that the scene is constant in a pixel, one sample is taken. If it proves that
-    the scene does not depend on a coordinate, such as time or the lens, that coordinate is not sampled,
-    unless ``scene.unrolled`` is 1, as for ray-traced scenes: another program would take long to compile. All
-    other samples are those of :func:`qmcjax.render`, and so are the means up to rounding. Scenes without
-    ``varies`` are sampled everywhere.
+    the scene does not depend on a coordinate, such as time or the lens, that coordinate is not sampled. This
+    takes a second program: ray-traced scenes (``scene.unrolled`` is 1), whose programs take long to compile,
+    are sampled in all coordinates. All other samples are those of :func:`qmcjax.render`, and so are the means
+    up to rounding. Scenes without ``varies`` are sampled everywhere.
 
     Parameters
     ----------

@@ -263,13 +263,13 @@ def optimized(
     """Sample the pixels with blocks of a scrambled sequence, ordered to make neighbouring errors cancel.
 
     :func:`z` draws its permutations at random; here they are optimised. The permutations of quadrants make
-    the errors of neighbouring pixels cancel under a Gaussian filter of 1.5 pixels, and the order of the
+    errors of neighbouring pixels partly cancel under a Gaussian filter of 1.5 pixels, and the order of the
     samples in a pixel extends this to its first samples. Sequences are Owen-scrambled: each point of each
     sample is uniformly distributed, whatever the order.
 
     Parameters
     ----------
-    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
+    width, height : int, in [1, 65536]; the orders cover the enclosing square with a power of two as side
     spp : int
         Samples per pixel: a power of two, at most 2**31. You can render fewer. There are tables for 1 to
         64; larger numbers use the order for 64, and their first samples are not optimised.

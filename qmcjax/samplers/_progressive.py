@@ -65,7 +65,7 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
 
     Parameters
     ----------
-    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
+    width, height : int, in [1, 65536]; the orders cover the enclosing square with a power of two as side
     key : jax.random.key, or int in [0, 2**32)
         A new key gives new scramblings, rotates or flips the tile of the order, and does not recompile.
     dims : int, in [1, 65536]

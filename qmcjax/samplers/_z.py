@@ -34,7 +34,7 @@ def z(
 
     Parameters
     ----------
-    width, height : int, in [1, 65536]; the orders fill the next square with a power of two as side
+    width, height : int, in [1, 65536]; the orders cover the enclosing square with a power of two as side
     spp : int
         Samples per pixel: a power of two, at most 2**31. For fewer, see Notes; for more, see
         ``Z.extended``; for different numbers per pixel, ``Z.adaptive``.
@@ -43,7 +43,7 @@ def z(
     variant : {"plain", "hash", "multiplicative", "tree", "art"}
         "plain" is Z0 of the paper: Morton order for all constituents. Their coordinates repeat: use a joint
         ``sequence`` for more than two dimensions. For the others see :func:`qmcjax.orders.scrambled_morton`.
-        The paper's Z_hash is "multiplicative"; "hash" mixes more.
+        The paper's Z_hash is "multiplicative"; the hash of "hash" mixes its arguments more thoroughly.
         "tree" and "art" share one production among all constituents, with separate permutations (Eq. 13 to
         18); "tree" also starts at separate letters.
     dims : int, optional

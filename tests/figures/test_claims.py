@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from figures.catalogue import CATALOGUE, NO_DRAFT
-from figures.ledger import PAPERS, Claim, claims, findings, stored, to_store
+from figures.ledger import PAPERS, Claim, claims, findings, reservation, stored, to_store
 from figures.ledger._ledger import verdict
 from figures.making import store
 from figures.making.schema import UNDECIDED
@@ -59,6 +59,19 @@ def test_verdicts():
     open_ones = (UNDECIDED, {"a": UNDECIDED, "b": True}, {"a": False, "b": UNDECIDED})
     assert [verdict(found) for found in open_ones] == ["undecided"] * 3
     assert verdict({"a": True, "b": False, "c": UNDECIDED}) == "depends"
+
+
+def test_titles_rest_on_what_this_run_found():
+    """All stored findings agree with themselves; of others a title says how many are otherwise."""
+    for name, entry in stored().items():
+        assert reservation(name, "paper", entry["numbers"]) == ""
+    kept = stored()["z-10"]["numbers"]["claims"]
+    quality = kept["Z almost delivers the best quality"]
+    numbers = {"claims": kept | {"Z almost delivers the best quality": dict.fromkeys(quality, UNDECIDED)}}
+    total = sum(len(found) if isinstance(found, dict) else 1 for found in kept.values())
+    said = f"3 of {total} findings are otherwise or undecided"
+    assert reservation("z-10", "draft", numbers) == f"draft: {said}"
+    assert reservation("z-10", "paper", numbers) == f"not in this run: {said}"
 
 
 def test_judgements_are_by_intervals():

@@ -99,7 +99,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     title = (
         "Each approximation of motion blur is close in some scenes and fails in others\n"
-        "thesis, Sect. 3.3.1 to 3.3.4; RMS errors relative to the error without blur, in red above 0.2"
+        "thesis, Sect. 3.3.1 to 3.3.4; RMS errors relative to the error without blur, orange above 0.2"
     )
     figure = image_grid(title, panels, 1 + len(ways))
     for axes, is_large in zip(figure.axes, large, strict=True):

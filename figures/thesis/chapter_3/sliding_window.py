@@ -227,8 +227,8 @@ def _draw(
     left.axhline(0.5 / 255, color=GREY, lw=0.8, label="half a step of 255")
     title = "Rounding errors of frames (ring buffer: none)"
     name_axes(left, "frames", "largest difference", title, log="xy", legend="center left")
-    curve(right, errors, Style(BLACK, "o"), label="equally spaced times", **look)
-    right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % of points are below")
+    curve(right, errors, Style(BLACK, "o"), label="equally spaced times: RMS error", **look)
+    right.axhline(exact, color=BLUE, lw=1.2, label=f"exact coverage: {QUANTILE} % quantile")
     title, ticks = "A thick moving line", list(errors)
-    name_axes(right, "times per pixel", "RMS error", title, log="xy", ticks=ticks, legend="center left")
+    name_axes(right, "times per pixel", "error", title, log="xy", ticks=ticks, legend="center left")
     return figure

@@ -200,9 +200,9 @@ def analytic_visibility(
         one, stratified. They share one coordinate ``shading`` and those of lights. None shades at the two
         ends of each interval and interpolates linearly, without a coordinate for time.
     intervals : int, optional
-        Maximum number of intervals per ray, in [1, 256]; more take longer. If they do not fit, the rest of
-        the shutter is one more interval, with visibility sampled at the times of shading, at least one; see
-        :meth:`AnalyticVisibility.unresolved`.
+        Maximum number of intervals per ray, in [1, 256]; larger numbers take longer. If they do not fit, the
+        rest of the shutter is one more interval, with visibility sampled at the times of shading, at least
+        one; see :meth:`AnalyticVisibility.unresolved`.
 
     Returns
     -------

@@ -19,6 +19,7 @@ import importlib
 import typing
 
 if typing.TYPE_CHECKING:
+    from qmcjax import analysis as analysis
     from qmcjax import orders as orders
     from qmcjax import samplers as samplers
     from qmcjax import scenes as scenes
@@ -62,7 +63,7 @@ else:
         ),
     }
     _LAZY = {name: home for home, names in _HOMES.items() for name in names}
-    _PACKAGES = ("orders", "samplers", "scenes", "sequences", "tracing", "warps")
+    _PACKAGES = ("analysis", "orders", "samplers", "scenes", "sequences", "tracing", "warps")
 
     def __getattr__(name: str) -> typing.Any:
         """Import a package or name at its first use: few scripts need all of them."""

@@ -8,6 +8,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -205,23 +206,26 @@ def convergence(
     process, own = devices.of_process(mesh)
     finished = {(row.sampler, row.spp) for row in rows}
     rest = [planned for planned in plan if planned[:2] not in finished]
-    while rest:
-        # Processes of a mesh render images of similar cost at the same time, to avoid waiting.
-        rest.sort(key=lambda planned: _expected_seconds(rows, *planned[:2]))
-        at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
-        measured = np.zeros(2 + len(regions))
-        if process < len(at_once):
-            _, spp, sampler = at_once[process]
-            measured[0], image = time_render(scene, sampler, width, height, spp, own)
-            repeated = [time_render(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
-            measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
-        told = devices.gather(measured.view(np.uint32), mesh).view(np.float64).tolist()
-        for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
-            rows.append(ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first))
-        if saved is not None and saved.due(last=not rest):
-            saved.write(rows=json.dumps([asdict(row) for row in rows]))
-        if progress is not None:
-            progress(len(rows) / len(plan))
+    with saved or nullcontext():
+        while rest:
+            # Processes of a mesh render images of similar cost at the same time, to avoid waiting.
+            rest.sort(key=lambda planned: _expected_seconds(rows, *planned[:2]))
+            at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
+            measured = np.zeros(2 + len(regions))
+            if process < len(at_once):
+                _, spp, sampler = at_once[process]
+                measured[0], image = time_render(scene, sampler, width, height, spp, own)
+                repeated = [time_render(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
+                measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
+            told = devices.gather(measured.view(np.uint32), mesh).view(np.float64).tolist()
+            for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
+                rows.append(
+                    ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first)
+                )
+            if saved is not None and saved.due(last=not rest):
+                saved.write(rows=json.dumps([asdict(row) for row in rows]))
+            if progress is not None:
+                progress(len(rows) / len(plan))
     return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
 
 

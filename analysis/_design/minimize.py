@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import jax
@@ -92,17 +93,18 @@ def descend(
         losses = list(saved.state["losses"])
         leaves = [jnp.asarray(saved.state[f"state_{k}"]) for k in range(3)]
         state = jax.tree.unflatten(jax.tree.structure(state), leaves)
-    for chunk in range(len(losses), chunks):
-        state, mean = some(state, jnp.int32(chunk * TOGETHER))
-        state = settle_state(state)
-        if not np.isfinite(mean):
-            raise ValueError(f"loss must stay finite, got {mean} before step {(chunk + 1) * TOGETHER}")
-        losses.append(float(mean))
-        if saved is not None and saved.due(last=chunk == chunks - 1):
-            leaves = jax.tree.leaves(state)
-            saved.write(losses=np.array(losses), **{f"state_{k}": leaf for k, leaf in enumerate(leaves)})
-        if progress is not None:
-            progress((chunk + 1) / chunks)
+    with saved or nullcontext():
+        for chunk in range(len(losses), chunks):
+            state, mean = some(state, jnp.int32(chunk * TOGETHER))
+            state = settle_state(state)
+            if not np.isfinite(mean):
+                raise ValueError(f"loss must stay finite, got {mean} before step {(chunk + 1) * TOGETHER}")
+            losses.append(float(mean))
+            if saved is not None and saved.due(last=chunk == chunks - 1):
+                leaves = jax.tree.leaves(state)
+                saved.write(losses=np.array(losses), **{f"state_{k}": leaf for k, leaf in enumerate(leaves)})
+            if progress is not None:
+                progress((chunk + 1) / chunks)
     return shaped(jax.tree.leaves(state)[0]), np.array(losses)
 
 

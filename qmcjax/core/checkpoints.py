@@ -8,6 +8,7 @@ A file is written under a temporary name, flushed to disk and then renamed: a ki
 file, either the new or the previous one.
 """
 
+import contextlib
 import functools
 import glob
 import hashlib
@@ -15,15 +16,17 @@ import importlib.metadata
 import json
 import os
 import platform
+import signal
 import socket
 import sys
+import threading
 import time
 import warnings
 import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import jax
 import numpy as np
@@ -172,23 +175,32 @@ class Checkpoint:
 
 
 class File:
-    """The state of one computation in a file, as left by an earlier run, or empty."""
+    """The state of one computation in a file, as left by an earlier run, or empty.
 
-    def __init__(self, path: Path, header: str, state: Arrays, writes: bool) -> None:
+    Inside ``with file:``, SIGINT (Ctrl-C) and SIGTERM wait until the state is written, then take effect. A
+    second signal takes effect at once. Only in the main thread, and not in jobs of several processes, which
+    would wait for each other.
+    """
+
+    def __init__(self, path: Path, header: str, state: Arrays, writes: bool, alone: bool = True) -> None:
         self.path = path
         self.header = header
         self.state = state
         self.writes = writes
+        self._alone = alone
+        self._handlers: dict[int, Any] = {}
+        self._signal: int | None = None
+        self._saved = bool(state)
         self.outer: Arrays = {}
         """State of a loop around the one that writes; it is written with each state."""
         self._next = time.monotonic() + EVERY
 
     def due(self, last: bool = False) -> bool:
         """Return whether it is time to write; at the end of a computation it always is."""
-        return self.writes and (last or time.monotonic() >= self._next)
+        return self.writes and (last or self._signal is not None or time.monotonic() >= self._next)
 
     def write(self, **state: Any) -> None:
-        """Replace the saved arrays.
+        """Replace the saved arrays, then pass on a signal that waited for it.
 
         If writing fails, the previous file remains, a warning is issued, and the computation continues.
         """
@@ -201,8 +213,42 @@ class File:
                 RuntimeWarning,
                 stacklevel=2,
             )
+            self._saved = False
+        else:
+            self._saved = True
         end = time.monotonic()
         self._next = end + max(EVERY, (end - start) / SHARE)
+        if self._signal is not None:
+            self.__exit__()
+            self.__enter__()  # The signal may not end the computation.
+
+    def __enter__(self) -> Self:
+        if self._alone and threading.current_thread() is threading.main_thread():
+            for number in (signal.SIGINT, signal.SIGTERM):
+                if signal.getsignal(number) not in (None, signal.SIG_IGN):  # None: not a handler of Python.
+                    self._handlers[number] = signal.signal(number, self._delay)
+        return self
+
+    def __exit__(self, error: object = None, *_: object) -> None:
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        self._handlers.clear()
+        number, self._signal = self._signal, None
+        if number is not None:
+            if error is None and self._saved:
+                self._say(f"checkpoint {str(self.path)!r} is saved, the same call resumes from it")
+            signal.raise_signal(number)
+
+    def _delay(self, number: int, _: object) -> None:
+        first, self._signal = self._signal is None, number
+        if first:
+            self._say(f"saving checkpoint {str(self.path)!r} after this step (again: stop at once)")
+        else:
+            self.__exit__(KeyboardInterrupt)
+
+    def _say(self, text: str) -> None:
+        with contextlib.suppress(RuntimeError):  # The signal may have interrupted another print.
+            print(f"interrupted: {text}", file=sys.stderr, flush=True)
 
     def _write(self, state: Mapping[str, Any]) -> None:
         temporary = self.path.with_name(f"{_prefix(self.path)}{os.getpid()}-{socket.gethostname()}")
@@ -243,7 +289,8 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     if path.exists():
         known, state = _read(path)
         _refuse_other(path, known, described)
-    made = File(path, json.dumps({"format": _FORMAT, "made of": described}), state, writes)
+    header, alone = json.dumps({"format": _FORMAT, "made of": described}), devices.processes(mesh) == 1
+    made = File(path, header, state, writes, alone)
     if writes and not state:
         made._write({})
     if not devices.agree(int(digest("checkpoint", state)[0][:8], 16), mesh):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, NamedTuple
 
 import jax
@@ -131,17 +132,18 @@ def render_passes(
         return min(max(parts), 1.0)
 
     part = 0.0 if state is None else finished(state)
-    while part < 1:
-        number = 0 if state is None else state.done
-        # Outside the x64 context, which changes float32 programs.
-        image = render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype, mesh=mesh)
-        with jax.enable_x64(True):
-            state = _first(image) if state is None else _updated(image, state)
-        part = max(part, finished(state))
-        if saved is not None and saved.due(last=part == 1):
-            saved.write(**state._asdict())
-        if progress is not None:
-            progress(part)
+    with saved or nullcontext():
+        while part < 1:
+            number = 0 if state is None else state.done
+            # Outside the x64 context, which changes float32 programs.
+            image = render(scene, sampler.of_pass(number), width, height, sampler.spp, dtype=dtype, mesh=mesh)
+            with jax.enable_x64(True):
+                state = _first(image) if state is None else _updated(image, state)
+            part = max(part, finished(state))
+            if saved is not None and saved.due(last=part == 1):
+                saved.write(**state._asdict())
+            if progress is not None:
+                progress(part)
     assert state is not None
     with jax.enable_x64(True):
         image, variance, error = (each.astype(dtype) for each in state[:3])

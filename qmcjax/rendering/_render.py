@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from functools import partial
 from typing import Any
 
@@ -58,9 +59,10 @@ def render(
     progress : callable, optional
         Called with the finished part in (0, 1], several times in a long run; not inside ``jax.jit``.
     checkpoint : path or Checkpoint, optional
-        File that keeps finished work, written every 30 seconds and at the end. Calling the function again
-        resumes from it, with bit-identical results. The file is not deleted. With your own code, such as a
-        scene, pass a :class:`qmcjax.Checkpoint` with a label. Not inside ``jax.jit``.
+        File that keeps finished work, written every 30 seconds, at the end, and before Ctrl-C or SIGTERM take
+        effect. Calling the function again resumes from it, with bit-identical results. The file is not
+        deleted. With your own code, such as a scene, pass a :class:`qmcjax.Checkpoint` with a label. Not
+        inside ``jax.jit``.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
         process, or of several that all make the same call. Image and derivatives are bit-identical on any
@@ -122,7 +124,8 @@ def render_task(
                 jax.block_until_ready(image)
                 progress(1.0)
         else:
-            image, finite = _in_calls(pair, spp, how, at_a_time, progress, saved)
+            with saved or nullcontext():
+                image, finite = _in_calls(pair, spp, how, at_a_time, progress, saved)
     if not isinstance(finite, Tracer) and not finite:
         refuse(task, image)
     return image

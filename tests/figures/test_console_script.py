@@ -86,6 +86,26 @@ def test_a_file_that_hides_a_package_is_named(run):
     )
 
 
+def test_ours_are_found_from_qmcjax(run):
+    """The same module by each name, also in a file called like it; one that was imported before is named."""
+    for hidden in ("qmcjax.py", "figures.py", "figures/__init__.py"):
+        (run.folder / hidden).unlink()
+    code = """
+from qmcjax import analysis
+import pickle, qmcjax.analysis, qmcjax.analysis.trees, analysis as same
+assert analysis is qmcjax.analysis is same and analysis.trees is same.trees is qmcjax.analysis.trees
+print(pickle.loads(pickle.dumps(analysis.Filter(2.0))))"""
+    (run.folder / "analysis.py").write_text(code)
+    assert (
+        run(command=("analysis.py",))
+        == run("-c", code, command=())
+        == (0, "Filter(space=2.0, time=0.0, weight=1.0)\n")
+    )
+    (run.folder / "analysis.py").write_text("")
+    status, said = run("-c", "import analysis, qmcjax.analysis", command=())
+    assert status == 1 and f"ImportError: {run.folder}/analysis.py hides the package analysis of" in said
+
+
 def test_the_script_names_it_as_well(monkeypatch, tmp_path):
     (tmp_path / "analysis.py").write_text("")
     monkeypatch.setenv(packages.SAFE, "")

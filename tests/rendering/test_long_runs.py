@@ -16,6 +16,7 @@ import pytest
 import tables
 from refusals import refused
 
+import analysis
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core import checkpoints
@@ -172,6 +173,51 @@ def test_checkpoints_are_for_what_is_known(tmp_path, known):
     assert not os.listdir(tmp_path)
 
 
+def sweep(**given):
+    """Return errors: times are not those of another run."""
+    table = analysis.convergence(
+        scenes.disc(), {"a": OWEN}, [1, 2, 4, 8], width=8, height=8, repeats=1, **given
+    )
+    return table.errors("a")
+
+
+def descent(checkpoint=None, **given):
+    given["checkpoint"] = checkpoint and qj.Checkpoint(checkpoint, "v1")
+    return analysis.minimize(lambda free, key: (free**2).sum(), np.ones(3, np.float32), 1, 80, **given)
+
+
+@pytest.mark.parametrize("compute", [image, reference, passes, sweep, descent])
+def test_signals_wait_for_the_state(tmp_path, monkeypatch, small_calls, capsys, compute):
+    """No state is due but the one after a signal. A second signal takes effect at once, a state lost."""
+    monkeypatch.setattr(checkpoints, "EVERY", math.inf)
+    path, parts, signals = tmp_path / "state", [], 1
+
+    def handler(number, frame):
+        raise Killed
+
+    def progress(part):
+        parts.append(part)
+        for _ in range(signals):
+            signal.raise_signal(signal.SIGTERM)
+
+    before = signal.signal(signal.SIGTERM, handler)
+    try:
+        for signals in (1, 2):
+            with pytest.raises(Killed):
+                compute(checkpoint=path, progress=progress)
+            assert signal.getsignal(signal.SIGTERM) is handler
+            saved, said = f"checkpoint '{path}'", capsys.readouterr().err.splitlines()
+            assert said[0] == f"interrupted: saving {saved} after this step (again: stop at once)"
+            assert (
+                said[1:] == [f"interrupted: {saved} is saved, the same call resumes from it"][: 2 - signals]
+            )
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    rest = []
+    assert same(compute(checkpoint=path, progress=rest.append), compute())
+    assert parts[0] < parts[1] <= rest[0]
+
+
 RUN = """
 import sys
 import time
@@ -217,6 +263,21 @@ def test_killed_at_random_moments(tmp_path):
     assert float(reports[0]) > last
     assert bytes.fromhex(reports[-1].decode()) == np.asarray(image(spp=SAMPLES)).tobytes()
     assert os.listdir(tmp_path) == ["state"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_processes_save_their_work(tmp_path, number):
+    run = [sys.executable, "-c", RUN.replace("= 0.0", "= 1e9"), str(tmp_path / "state"), "0"]
+    pipes = {"env": tables.environment(), "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    process = subprocess.Popen(run, **pipes)
+    first = process.stdout.readline()
+    process.send_signal(number)
+    reports, said = process.communicate()
+    assert process.returncode == -number and b"is saved, the same call resumes from it" in said
+    *rest, found = subprocess.run(run, **pipes, check=True).stdout.split()
+    assert float(rest[0]) > float([first, *reports.split()][-1])
+    assert bytes.fromhex(found.decode()) == np.asarray(image(spp=SAMPLES)).tobytes()
 
 
 class Terminal(io.StringIO):

@@ -65,7 +65,7 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     argv = sys.argv[1:] if argv is None else argv
     if argv and argv[0] in COMMANDS:
         return importlib.import_module(COMMANDS[argv[0]]).main(argv[1:])  # They import JAX.
-    parser = parser_of(catalogue)
+    parser = parser_of()
     options = parser.parse_args(argv)
     for name in options.names:
         if name not in catalogue:

@@ -2,6 +2,7 @@
 
 import argparse
 import difflib
+import textwrap
 from collections.abc import Collection, Mapping
 from functools import partial
 from pathlib import Path
@@ -9,14 +10,33 @@ from pathlib import Path
 from figures.catalogue import NO_DRAFT, PAPERS, Entry
 
 
+class _Fitted(argparse.HelpFormatter):
+    """Wraps paragraphs, and indented lines one by one: a command, and after three blanks what it does."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        paragraphs, margins = [], {"initial_indent": indent, "subsequent_indent": indent}
+        for paragraph in text.strip().split("\n\n"):
+            plain, *lines = paragraph.split("\n  ")
+            parts = [textwrap.fill(plain, width, break_on_hyphens=False, **margins)]
+            for line in lines:
+                usage, _, meaning = line.partition("   ")
+                if 2 + len(line) <= width:
+                    parts.append(f"  {line}")
+                    continue
+                pieces = textwrap.wrap(usage, width - 6, break_on_hyphens=False)
+                parts.append("  " + " \\\n    ".join(pieces))
+                parts += [f"      {piece}" for piece in textwrap.wrap(meaning.strip(), width - 6)]
+            paragraphs.append("\n".join(parts))
+        return "\n\n".join(paragraphs)
+
+
 def command(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
-    """Return the parser of ``qmcjax name``, without options; the epilog is printed as it is."""
-    formatter = argparse.RawDescriptionHelpFormatter if epilog else argparse.HelpFormatter
+    """Return the parser of ``qmcjax name``, without options; its help fits the terminal."""
     return argparse.ArgumentParser(
         prog=f"qmcjax {name}".rstrip(),
         description=description,
         epilog=epilog,
-        formatter_class=formatter,
+        formatter_class=_Fitted,
         allow_abbrev=False,
     )
 
@@ -28,15 +48,12 @@ def add_quality(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def parser_of(catalogue: Mapping[str, Entry]) -> argparse.ArgumentParser:
-    """Return the parser, whose help lists the figures."""
+def parser_of() -> argparse.ArgumentParser:
+    """Return the parser."""
     parser = command(
         "",
         "Make the papers' figures and measure what they show.",
-        f"""\
-figures:
-{listing(catalogue, catalogue)}
-
+        """\
 examples:
   qmcjax                                the papers' figures, as drafts, into out/
   qmcjax --all                          also our own measurements
@@ -56,7 +73,7 @@ wrong usage, 130 after Ctrl-C.
 """,
     )
     parser.add_argument(
-        "names", nargs="*", metavar="name", help="figures to make (default: all of the papers)"
+        "names", nargs="*", metavar="name", help="figures to make, see --list (default: all of the papers)"
     )
     parser.add_argument("--all", action="store_true", help="also make our own figures")
     parser.add_argument("--list", action="store_true", help="list the names and titles of the figures")

@@ -140,7 +140,7 @@ class Maker:
             if unknown:
                 raise TypeError(
                     f"samplers[{name!r}] must be a function with parameters among {', '.join(known)}, got "
-                    f"{', '.join(unknown)}"
+                    f"{', '.join(unknown)} (for one of x, y and sample, use samplers.function)"
                 )
         self.keys = keys if "key" in (self._parameters or []) else 1
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis._spectra.filters import filtered_error, low_frequency_power, perceived_error
 from analysis._spectra.spectra import error_spectrum, radial_average
-from qmcjax.core import checks, student
+from qmcjax.core import checks, student, tables
 from qmcjax.samplers import Sampler
 
 MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
@@ -92,7 +92,7 @@ class ComparisonRow:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The result of :func:`compare`."""
+    """The result of :func:`compare`; as text, its errors, what is left out and why, and broken promises."""
 
     rows: tuple[ComparisonRow, ...]
     """In the order of scenes, samplers and numbers of samples."""
@@ -105,6 +105,32 @@ class Comparison:
     references: dict[str, NDArray[np.float64]]
     makers: dict[str, Callable[[int, int], Sampler]] = field(default_factory=dict)
     """For each sampler, a function from a number of samples and a key to the sampler."""
+
+    def __str__(self) -> str:
+        tried = [*((row.scene, row.sampler, row.spp) for row in self.rows), *self.left_out]
+        spps, lines = sorted({spp for *_, spp in tried}), []
+        means = {(row.scene, row.sampler, row.spp): row.mean for row in self.rows}
+        for measure in ("RMS error", "filtered error"):
+            lines.append([measure, "", *(f"{spp} spp " for spp in spps)])
+            for scene in dict.fromkeys(scene for scene, *_ in tried):
+                ranks = {spp: self.ranks(scene, spp, measure) for spp in spps}
+                for sampler in dict.fromkeys(sampler for of, sampler, _ in tried if of == scene):
+                    cells = ["- "] * len(spps)
+                    for k, spp in enumerate(spps):
+                        if mean := means.get((scene, sampler, spp)):
+                            best = ranks[spp][sampler][1] == 1
+                            cells[k] = f"{mean(measure):.3g}{'*' if best else ' '}"
+                    lines.append([scene, sampler, *cells])
+        text = [tables.aligned(lines, 2), "*: no other sampler is significantly better"] * bool(tried)
+        missing: dict[tuple[str, str], dict[str, list[str]]] = {}
+        for (scene, sampler, spp), why in self.left_out.items():
+            missing.setdefault((sampler, why), {}).setdefault(scene, []).append(str(spp))
+        for (sampler, why), of in missing.items():
+            places = "; ".join(f"{scene} at {', '.join(counts)} spp" for scene, counts in of.items())
+            text.append(f"left out: {sampler}, {places}: {why}")
+        for sampler, broken in self.promises.items():
+            text += [f"{sampler} breaks a promise: {sentence}" for sentence in broken]
+        return "\n".join(text)
 
     def row(self, scene: str, sampler: str, spp: int) -> ComparisonRow:
         """Return one row.

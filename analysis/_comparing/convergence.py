@@ -18,7 +18,7 @@ from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from analysis import _arguments
-from qmcjax.core import checkpoints, checks, devices
+from qmcjax.core import checkpoints, checks, devices, tables
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import render
 from qmcjax.samplers import as_sampler
@@ -41,11 +41,18 @@ class ConvergenceRow:
 
 @dataclass(frozen=True)
 class ConvergenceTable:
-    """The images of all samplers, in the order of samplers and then of samples per pixel."""
+    """The images of all samplers, by sampler and then by samples per pixel; as text, a table."""
 
     rows: tuple[ConvergenceRow, ...]
     bound: float
     """Bound on the error of the reference: do not trust errors near it."""
+
+    def __str__(self) -> str:
+        lines = [["sampler", "spp", *self.rows[0].errors, "seconds"]] if self.rows else []
+        for row in self.rows:
+            numbers = (f"{number:.3g}" for number in (*row.errors.values(), row.seconds))
+            lines.append([row.sampler, str(row.spp), *numbers])
+        return f"{tables.aligned(lines)}\nerrors of the reference: at most {self.bound:.3g}"
 
     def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
@@ -297,6 +304,8 @@ def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
 def _sampler(name: str, made: Any, spp: int) -> Any:
     """Return a sampler, or the one that a function makes for this number of samples per pixel."""
     if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
+        of = "of the samples per pixel (for one of x, y and sample, use samplers.function)"
+        checks.function(f"samplers[{name!r}]", made, of)
         made = made(spp)
     return as_sampler(f"samplers[{name!r}]", made)
 

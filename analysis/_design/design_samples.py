@@ -13,6 +13,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from analysis._design.expected_error import (
+    Filters,
     Integrand,
     Kernel,
     classes_of,
@@ -23,7 +24,7 @@ from analysis._design.expected_error import (
 from analysis._design.fields import Denoiser, known_denoisers, log_denoised_error
 from analysis._design.integrands import IntegrandClass, blur, is_scene, mean_image_square, render_integrands
 from analysis._design.minimize import TOGETHER, descend
-from analysis._spectra.filters import Filter, autocorrelation
+from analysis._spectra.filters import Filter, as_filters, autocorrelation
 from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks, draws
 from qmcjax.core.checkpoints import Checkpoint
@@ -78,7 +79,7 @@ def design_samples(
     frames: int | None = None,
     *,
     integrands: str | Mapping[str, float] | Kernel | Sequence[Integrand] = "half_spaces",
-    filters: float | Filter | Sequence[Filter] | None = None,
+    filters: Filters | None = None,
     progressive: bool = False,
     denoiser: Denoiser | Sequence[Denoiser] | None = None,
     steps: int = 800,
@@ -97,11 +98,12 @@ def design_samples(
     frames : int, optional
         Frames of an animation, a power of two up to 1024.
     integrands, filters
-        The error, as for :func:`expected_error`; by default, after a Gaussian filter of 1.5 pixels, plus 0.05
-        times the mean square error of unfiltered pixels if they have more than one sample. For animations see
-        :class:`Filter`. Jumps of known integrands count, too: derivatives are those of integrands blurred by
-        Gaussians of width 0.2 at first, and 0.02 at the end. If there are scenes among them, the tile is
-        their image: it is not turned in the design, and must not be moved (see Notes).
+        The error, as for :func:`expected_error`; by default after a Gaussian filter of 1.5 pixels. If pixels
+        have more than one sample, 0.05 times the mean square error of unfiltered pixels is added, unless the
+        filters contain such a term, ``Filter(0.0, weight=...)``: weight 0 omits it. Jumps of known integrands
+        count, too: derivatives are those of integrands blurred by Gaussians of width 0.2 at first, and 0.02
+        at the end. If there are scenes among them, the tile is their image: it is not turned in the design,
+        and must not be moved (see Notes).
     progressive : bool
         Whether to design the first 1, 2, 4, ... samples of all pixels for small errors, too, all weighted
         equally relative to independent samples.
@@ -176,8 +178,9 @@ def design_samples(
     checks.progress(progress)
     denoisers = () if denoiser is None else known_denoisers(denoiser)
     prefixes = shape[3].bit_length() if checks.flag("progressive", progressive) else 1
-    if filters is None:
-        filters = [Filter(1.5), Filter(0.0, weight=_OWN if spp > 1 else 0.0)]
+    filters = as_filters(1.5 if filters is None else filters)
+    if spp > 1 and not any(all(np.ndim(of) == 0 and of == 0 for of in one[:2]) for one in filters):
+        filters.append(Filter(0.0, weight=_OWN * sum(one.weight for one in filters)))
     weights = autocorrelation(shape[:3], filters)
     counts = [shape[3] >> k for k in range(prefixes)]
     if isinstance(integrands, list | tuple):

@@ -19,6 +19,7 @@ from analysis._design.integrands import CLASSES, IntegrandClass, mean_image_squa
 from analysis._spectra.filters import Filter, autocorrelation
 from qmcjax import sequences
 from qmcjax.core import backends, checks
+from qmcjax.samplers.turned_tiles import tile_points
 from qmcjax.scenes import Scene
 
 _LEAST = 1e-7
@@ -37,11 +38,13 @@ Kernel = Callable[[Array, Array], Array]
 
 Integrand = Scene | Callable[[Array], Array]
 
+Filters = float | NDArray[Any] | Filter | Sequence[float | NDArray[Any] | Filter]
+
 
 def expected_error(
     points: ArrayLike,
     integrands: str | Mapping[str, float] | Kernel | Sequence[Integrand] = "half_spaces",
-    filters: float | Filter | Sequence[Filter] = 1.5,
+    filters: Filters = 1.5,
 ) -> float:
     """Return the expected root mean square error of a filtered image over random integrands.
 
@@ -51,7 +54,8 @@ def expected_error(
     Parameters
     ----------
     points : float ArrayLike, shape (height, width, spp, d) or (height, width, frames, spp, d)
-        The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile, and time its frames.
+        The points of all pixels of a tile, in [0, 1)^d; the screen repeats the tile, and time its frames. Or
+        the result of :func:`design_samples`, or the words of a tile, ``samplers.tiled(...).tile``, uint16.
     integrands : str, mapping or callable
         A class of integrands on the unit cube: "half_spaces", indicators of half spaces with a direction
         uniform on the sphere and an offset uniform over an interval around the centre of the cube, as long as
@@ -62,9 +66,10 @@ def expected_error(
         E f(x) f(y), from arrays of points, shape (..., d), to (...), averaged at 4096 points. Or a list of
         known integrands: functions f(x) from points, shape (..., d), to (...), the same in all pixels, and
         scenes with the tile as their image.
-    filters : float, Filter or sequence of Filter
-        Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or a
-        :class:`Filter` in space and time; or several, whose mean squares are averaged by their weights.
+    filters : float, float ndarray, Filter, or sequence of these
+        Standard deviation of a Gaussian filter in pixels, as for :func:`filtered_error`, 0 for none; or taps,
+        shape (rows, columns) or (rows, columns, frames), divided by their sum; or a :class:`Filter`; or
+        several, whose mean squares are averaged by their weights.
 
     Returns
     -------
@@ -137,6 +142,9 @@ def _in_float64(square: Callable[[Array], Array]) -> Callable[[Array], Array]:
 
 def as_tile(points: Any) -> tuple[Any, tuple[int, ...]]:
     """Return all points as a set, shape (n, d), and their shape (height, width, frames, spp, d)."""
+    points = getattr(points, "points", points) if isinstance(points, tuple) else points
+    if getattr(points, "dtype", None) == np.uint16 and np.ndim(points) == 5:
+        points = tile_points(np.asarray(points))
     array = points if isinstance(points, Tracer) else _arguments.array("points", points, "an array of floats")
     if array.ndim not in (4, 5) or array.size == 0:
         raise ValueError(

@@ -25,7 +25,7 @@ _DIGITS = 53
 """Digits in base 2 of float64, which bound the memory of a moving average."""
 
 
-SPACE, TIME = "(rows, columns)", "(frames,)"
+SPACE, TIME = "(rows, columns) or (rows, columns, frames)", "(frames,)"
 """Shapes of taps, the first at the element itself."""
 
 
@@ -57,7 +57,11 @@ def validate_filter(name: str, of: Any, axes: str) -> float | NDArray[np.float64
     taps = _arguments.array(name, of, "a number or an array of numbers").astype(np.float64)
     if taps.ndim == 0:
         return _arguments.not_negative(name, of)
-    if taps.ndim != (2 if axes == SPACE else 1) or not np.isfinite(taps).all() or not taps.sum() > 0:
+    if (
+        taps.ndim not in ((2, 3) if axes == SPACE else (1,))
+        or not np.isfinite(taps).all()
+        or not taps.sum() > 0
+    ):
         raise ValueError(
             f"{name} must be finite taps, of shape {axes} and a positive sum, got {checks.shown(of)}"
         )
@@ -65,7 +69,7 @@ def validate_filter(name: str, of: Any, axes: str) -> float | NDArray[np.float64
 
 
 def transfer(shape: tuple[int, ...], of: float | NDArray[np.float64]) -> NDArray[Any]:
-    """Return the factors of the waves of one axis, time, or of two, space, for a known filter, of sum 1."""
+    """Return the factors of the waves of axes of time, space or both, for a known filter, of sum 1."""
     if not isinstance(of, np.ndarray):
         sides = [gaussian_transfer(size, of) if of else np.ones(size) for size in shape]
         return np.outer(*sides) if len(sides) == 2 else sides[0]
@@ -102,31 +106,41 @@ class Filter(NamedTuple):
     """
 
     space: float | ArrayLike = 1.5
-    """Standard deviation of a Gaussian in pixels, 0 for none; or taps, shape (rows, columns)."""
+    """Standard deviation of a Gaussian in pixels, 0 for none; or taps, shape (rows, columns), or in space and
+    time, shape (rows, columns, frames)."""
     time: float | ArrayLike = 0.0
     """Standard deviation of a Gaussian in frames, 0 for none; or taps, shape (frames,), as ``np.ones(n)``."""
     weight: float = 1.0
     """Weight of the mean square error, at least 0: weights are divided by their sum."""
 
 
+def as_filters(filters: Any) -> list[Filter]:
+    """Return filters with known weights of a positive sum; a number or an array is one of weight 1."""
+    several = isinstance(filters, list | tuple) and not isinstance(filters, Filter)
+    known: Any = list(filters) if several else [filters]
+    if not known or not all(isinstance(one, Filter | numbers.Real) or hasattr(one, "shape") for one in known):
+        wanted = "a standard deviation, an array of taps, a Filter, or a list of these"
+        raise TypeError(f"filters must be {wanted}, got {checks.shown(filters)}")
+    known = [one if isinstance(one, Filter) else Filter(one) for one in known]
+    known = [one._replace(weight=_arguments.not_negative("filters.weight", one.weight)) for one in known]
+    if not sum(one.weight for one in known) > 0:
+        raise ValueError(f"filters must have a positive sum of weights, got {checks.shown(filters)}")
+    return known
+
+
 def autocorrelation(shape: tuple[int, ...], filters: Any) -> NDArray[np.float64]:
     """Return the mean autocorrelation of filters on a torus (height, width, frames): the weights of pairs."""
-    known: Any = filters
-    if isinstance(known, numbers.Real):
-        known = Filter(float(known))
-    known = [known] if isinstance(known, Filter) else known
-    if not isinstance(known, list | tuple) or not known or not all(isinstance(one, Filter) for one in known):
-        wanted = "a standard deviation, a Filter, or a list of Filter"
-        raise TypeError(f"filters must be {wanted}, got {checks.shown(filters)}")
-    weights = [_arguments.not_negative("filters.weight", one.weight) for one in known]
-    if not sum(weights) > 0:
-        raise ValueError(f"filters must have a positive sum of weights, got {weights}")
-    total: Any = 0.0
-    for one, weight in zip(known, weights, strict=True):
-        space = transfer(shape[:2], validate_filter("filters.space", one.space, SPACE))
+    known, total = as_filters(filters), np.zeros(())
+    for one in known:
+        taps = validate_filter("filters.space", one.space, SPACE)
+        space = transfer(shape[: max(np.ndim(taps), 2)], taps)
         time = transfer(shape[2:], validate_filter("filters.time", one.time, TIME))
-        pairs = [np.fft.ifftn(np.square(np.abs(part))).real for part in (space, time)]
-        total = total + weight / sum(weights) * pairs[0][:, :, None] * pairs[1]
+        if space.ndim == 3:
+            pairs = np.fft.ifftn(np.square(np.abs(space * time))).real
+        else:
+            of_space, of_time = (np.fft.ifftn(np.square(np.abs(part))).real for part in (space, time))
+            pairs = of_space[:, :, None] * of_time
+        total = total + one.weight / sum(other.weight for other in known) * pairs
     return total
 
 

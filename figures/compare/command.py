@@ -60,7 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(text, file=sys.stderr)
     for name, why in run.failed.items():
         print(f"{name}: {why}", file=sys.stderr)
-    print(page)
+    print(report.text(run), page, sep="\n")
     return 1 if broken or run.failed else 0
 
 
@@ -128,10 +128,12 @@ def _parser() -> argparse.ArgumentParser:
 An entry is module:name, a sampler, a sequence, or a function that makes one from those of
 {", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for
 in the current folder, too. Or a file of points (.npy, text), in every pixel with a random rotation; or a
-name. A program writes its points to standard output: see figures/compare/entries.py for the protocol.
+name. A program writes its points to standard output: python -m pydoc figures.compare.entries prints how.
 
 of the library: {", ".join(RIVALS)}
+
 of others here: {", ".join(available())}
+
 scenes: {", ".join(SCENES)}
 
 An interrupted run goes on where it was: what is finished stays in the output folder.

@@ -1,5 +1,6 @@
 """What a comparison writes: table (CSV), scores (JSON), summary (Markdown and LaTeX), and a page."""
 
+import itertools
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -15,6 +16,7 @@ from figures.compare.tasks import scene
 from figures.making import store, this_machine, web_images
 from figures.page import SCRIPT, Markup, fill, join, playground, playground_script, quantity, static, viewer
 from figures.playground import playground as translate
+from qmcjax.core import tables
 
 TABLE, SCORES, PAGE = "compare.csv", "scores.json", "index.html"
 MARKDOWN, LATEX = "compare.md", "compare.tex"
@@ -55,6 +57,31 @@ def write(run: Run, folder: Path) -> Path:
         store.write(folder / drawn[place], pictures.errors(place, of, run.entries, run.size.spps))
     store.write(folder / PAGE, _page(run, kept, summary, drawn, folder).encode())
     return folder / PAGE
+
+
+def text(run: Run) -> str:
+    """Return errors on scenes and over integrands, and what is left out and why, as lines for a terminal."""
+    parts = [str(compared(run))] if run.references else []
+    if run.ground.integrands:
+        ratios = {name: scores.ratios(of, run.measured[BASE]) for name, of in run.measured.items()}
+        heads, lines = summary_table(entries_json(run, ratios))
+        parts.append(tables.aligned(list(zip(heads, *lines, strict=True))))
+        parts += [
+            f"left out: {name}, {', '.join(cells)}: {why}" for (name, why), cells in run.missing.items()
+        ]
+    return "\n".join(parts)
+
+
+def compared(run: Run) -> Comparison:
+    """Return the images of scenes, and why others are missing."""
+    rows = tuple(row for of in run.measured.values() for row in of.rows)
+    reasons = {(name, cell): why for (name, why), cells in run.missing.items() for cell in cells}
+    found, left_out = {(row.scene, row.sampler, row.spp) for row in rows}, {}
+    for name, dims, spp in itertools.product(run.entries, run.ground.dims(), run.size.spps):
+        why = reasons.get((name, f"{dims}-D, {spp} samples"), run.failed.get(name, "it is a sequence"))
+        left_out |= {(scene, name, spp): why for scene in run.ground.scenes_in(dims)}
+    left_out = {place: why for place, why in left_out.items() if place not in found}
+    return Comparison(rows, {}, {}, left_out, run.references)
 
 
 def entries_json(run: Run, ratios: Mapping[str, Ratios]) -> dict[str, dict[str, Any]]:
@@ -120,9 +147,7 @@ def _page(
     run: Run, kept: Mapping[str, Any], summary: Table, drawn: Mapping[str, str], folder: Path
 ) -> Markup:
     """Return the page; write the images that it shows, but those ``drawn``, by family or scene."""
-    compared = Comparison(
-        tuple(row for of in run.measured.values() for row in of.rows), {}, {}, {}, run.references
-    )
+    images = compared(run)
     scenes = {of: web_images.slug(of) for of in run.references}
     machine = this_machine.machine()
     live = _playground(run, folder) if run.ground.scenes else Markup("")
@@ -151,7 +176,7 @@ def _page(
         classes=_classes(kept),
         points=_points(run),
         playground=live,
-        scenes=join(_scene(of, compared, run, drawn, folder) for of in scenes),
+        scenes=join(_scene(of, images, run, drawn, folder) for of in scenes),
         entries=_paragraphs(f"{name}: {entry.origin}." for name, entry in run.entries.items()),
         missing=_paragraphs(missing or ["Nothing."]),
     )

@@ -72,7 +72,8 @@ def _of_object(text: str) -> Entry:
     others = [each for each in names if each not in (*PARAMETERS, FRAMES)]
     if others:
         among = ", ".join((*PARAMETERS, FRAMES))
-        raise TypeError(f"{text} must have parameters among {among}, got {', '.join(others)}")
+        hint = "for one of x, y and sample, use samplers.function"
+        raise TypeError(f"{text} must have parameters among {among}, got {', '.join(others)} ({hint})")
 
     def call(frames: int | None, *given: int) -> samplers.Sampler:
         arguments = dict(zip(PARAMETERS, given, strict=True)) | {FRAMES: frames}

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 import traceback
+import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -90,7 +91,8 @@ def run(
 
     Tasks start in the given order, in reused workers. ``claim`` is called before a task starts; if it returns
     False, the task is skipped. ``watch`` is called repeatedly with the finished fractions of the running
-    tasks by name; an exception that it raises ends all tasks.
+    tasks by name; an exception that it raises ends all tasks. Where processes cannot share memory, as without
+    a writable ``/dev/shm``, tasks run in this process, one after another.
     """
     # XLA allocates with malloc, whose fresh 4 KiB pages can cost more than the arithmetic. Huge pages must
     # be enabled in the environment before a process starts.
@@ -106,7 +108,13 @@ def run(
                 task = waiting.popleft()
                 if claim(task):
                     idle = [worker for worker in idle if worker.process.is_alive()]
-                    worker = idle.pop() if idle else _Worker(context)
+                    try:
+                        worker = idle.pop() if idle else _Worker(context)
+                    except OSError as error:
+                        said = f"figures are made in this process, one by one, since no other starts: {error}"
+                        warnings.warn(said, RuntimeWarning, stacklevel=2)
+                        yield task, _answer(task, lambda fraction, name=task.name: watch({name: fraction}))
+                        continue
                     busy[worker.start(task)] = worker
             watch({worker.task.name: worker.fraction.value for worker in busy.values()})
             for future in wait(busy, INTERVAL, FIRST_COMPLETED).done:
@@ -188,14 +196,15 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _answer(task: Task) -> Done | Failed:
-    def progress(fraction: float) -> None:
-        _fraction.value = min(max(float(fraction), 0.0), 1.0)
+def _tell(fraction: float) -> None:
+    _fraction.value = fraction
 
+
+def _answer(task: Task, tell: Callable[[float], object] = _tell) -> Done | Failed:
     if task.alone:
         compiled_programs.measure_without()
     try:
-        return draw(task, progress)
+        return draw(task, lambda fraction: tell(min(max(float(fraction), 0.0), 1.0)))
     except Exception:  # The command shows it, and the other figures still run.
         return Failed(traceback.format_exc())
     finally:

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from jax import Array
 
+from qmcjax import scenes
 from qmcjax.choosing._candidates import MOST
 from qmcjax.choosing._table import (
     ANIMATED,
+    DENOISED,
     KINDS,
     LEVELS,
     MEASURES,
@@ -193,6 +195,8 @@ def recommend(
         f"It has the least {MEASURES[filtered]}{setting.errors} of {len(names)} samplers on "
         f"{len(measured.scenes)} {where}. {_differences(others)}"
     )
+    if setting is not DENOISED and isinstance(needs, scenes.Traced):
+        why += " None of these scenes is ray-traced."
     least = np.min([measured.errors[name] for name in names], axis=0)
     cost = float(np.exp((measured.errors[best] - least).max()))
     return Recommendation(best, dims, spp, _wrapped(why), cost, others, name)

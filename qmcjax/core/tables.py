@@ -10,6 +10,7 @@ import re
 import warnings
 import zipfile
 import zlib
+from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -34,6 +35,16 @@ def rows(package: str, name: str) -> list[list[str]]:
     """Return the words of each line of a text, without comment lines."""
     lines = file(package, name).read_text(encoding="utf-8").splitlines()
     return [line.split() for line in lines if line and not line.startswith("#")]
+
+
+def aligned(lines: Sequence[Sequence[str]], texts: int = 1) -> str:
+    """Return lines of cells as text, in columns: the first ones hold texts, the others numbers."""
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    padded = [
+        [cell.rjust(width) if k >= texts else cell.ljust(width) for k, (cell, width) in enumerate(cells)]
+        for cells in (zip(line, widths, strict=True) for line in lines)
+    ]
+    return "\n".join("  ".join(cells).rstrip() for cells in padded)
 
 
 _MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))

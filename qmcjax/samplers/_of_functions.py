@@ -116,7 +116,8 @@ def as_sampler(name: str, value: Any) -> Sampler:
     dims = getattr(value, "dims", None)
     whole = isinstance(dims, int | np.integer) and not isinstance(dims, bool)
     if isinstance(value, type) or not whole or not (_prepares(value) or _positional(value) >= 4):
-        raise TypeError(f"{name} must be a sampler ({_PROTOCOL}), got {checks.shown(value)}")
+        hint = " (for one of x, y and sample, use samplers.function)" if callable(value) else ""
+        raise TypeError(f"{name} must be a sampler ({_PROTOCOL}), got {checks.shown(value)}{hint}")
     return PlugIn(wrap(name, value))
 
 

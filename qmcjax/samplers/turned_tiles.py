@@ -95,9 +95,13 @@ def tile_words(points: NDArray[np.float64]) -> NDArray[np.uint16]:
 
 def stratified(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points (rows, columns, frames, spp, dims) with areas in the centres of their strata."""
-    digits = stratum_digits(points.shape)
-    words = tile_words(points).reshape(*points.shape[:4], -1, 2)
-    areas = (words[..., 0] >> (_DEEPEST - np.array(digits))) + 0.5
-    return from_outlines(
-        np.sqrt(areas / 2.0 ** np.array(digits)), (words[..., 1] + 0.5) / 2**_DEEPEST
-    ).reshape(points.shape)
+    return tile_points(tile_words(points))
+
+
+def tile_points(words: NDArray[np.uint16]) -> NDArray[np.float64]:
+    """Return the points of words (rows, columns, frames, spp, dims), in the centres of their strata."""
+    digits = stratum_digits(words.shape)
+    pairs = words.reshape(*words.shape[:4], -1, 2)
+    areas = (pairs[..., 0] >> (_DEEPEST - np.array(digits))) + 0.5
+    places = (pairs[..., 1] + 0.5) / 2**_DEEPEST
+    return from_outlines(np.sqrt(areas / 2.0 ** np.array(digits)), places).reshape(words.shape)

@@ -69,6 +69,17 @@ def test_usage(tmp_path, monkeypatch, capsys, arguments, status, said):
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.parametrize("columns", [60, 100])
+@pytest.mark.parametrize("name", ["", *command_line.COMMANDS])
+def test_help_fits_its_terminal(monkeypatch, capsys, name, columns):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    with pytest.raises(SystemExit):
+        command_line.main([*name.split(), "--help"])
+    said = capsys.readouterr().out
+    assert max(map(len, said.splitlines())) <= columns and "/entries.py" not in said
+    assert not any(entry.title in said for entry in CATALOGUE.values())
+
+
 @pytest.mark.parametrize("argument", ["--list", "--help", "--nonsense"])
 def test_usage_is_answered_without_numerics(argument):
     command = [sys.executable, "-X", "importtime", "-m", "figures", argument]

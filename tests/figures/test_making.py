@@ -61,6 +61,28 @@ def test_tasks_run_side_by_side_but_those_that_are_to_be_alone(tmp_path, monkeyp
     assert together == {("a", "b"), ("e", "f")}
 
 
+def test_without_shared_memory_figures_are_made_here(tmp_path, monkeypatch):
+    (tmp_path / "plain.py").write_text(
+        "import os\nfrom matplotlib.figure import Figure\ndef make(quality, progress):\n"
+        "    progress(0.5)\n    return Figure(figsize=(1, 1)), {'measured': os.getpid()}\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    monkeypatch.setenv("GLIBC_TUNABLES", "")
+
+    def refuse(*given, **named):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("multiprocessing.synchronize.SemLock.__init__", refuse)
+    told = []
+    with pytest.warns(RuntimeWarning, match="made in this process, .* Read-only file system"):
+        (_, made), (_, failed) = run(
+            [Task("a", "plain", "draft"), Task("b", "no", "draft")], 2, watch=told.append
+        )
+    assert json.loads(made.entry)["numbers"] == {"measured": os.getpid()} and {"a": 0.5} in told
+    assert "No module named 'no'" in failed.trace
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked on Linux only")
 def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_backend():

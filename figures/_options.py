@@ -10,24 +10,13 @@ from pathlib import Path
 from figures.catalogue import NO_DRAFT, PAPERS, Entry
 
 
-class _Fitted(argparse.HelpFormatter):
-    """Wraps paragraphs, and indented lines one by one: a command, and after three blanks what it does."""
+class _Wrapped(argparse.HelpFormatter):
+    """Wraps each line of the epilog."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
-        paragraphs, margins = [], {"initial_indent": indent, "subsequent_indent": indent}
-        for paragraph in text.strip().split("\n\n"):
-            plain, *lines = paragraph.split("\n  ")
-            parts = [textwrap.fill(plain, width, break_on_hyphens=False, **margins)]
-            for line in lines:
-                usage, _, meaning = line.partition("   ")
-                if 2 + len(line) <= width:
-                    parts.append(f"  {line}")
-                    continue
-                pieces = textwrap.wrap(usage, width - 6, break_on_hyphens=False)
-                parts.append("  " + " \\\n    ".join(pieces))
-                parts += [f"      {piece}" for piece in textwrap.wrap(meaning.strip(), width - 6)]
-            paragraphs.append("\n".join(parts))
-        return "\n\n".join(paragraphs)
+        lines = [(line, indent + " " * 6 * line.startswith(" ")) for line in text.splitlines()]
+        wrap = partial(textwrap.fill, width=width, initial_indent=indent, break_on_hyphens=False)
+        return "\n".join(wrap(line, subsequent_indent=rest) for line, rest in lines)
 
 
 def command(name: str, description: str, epilog: str = "") -> argparse.ArgumentParser:
@@ -36,7 +25,7 @@ def command(name: str, description: str, epilog: str = "") -> argparse.ArgumentP
         prog=f"qmcjax {name}".rstrip(),
         description=description,
         epilog=epilog,
-        formatter_class=_Fitted,
+        formatter_class=_Wrapped,
         allow_abbrev=False,
     )
 
@@ -65,11 +54,11 @@ examples:
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
   qmcjax mask --help                    masks of blue noise of any size, as files
 
-Each figure becomes <name>.png in the output folder. numbers.json there contains what was measured beside what
-the papers print, and index.html shows the figures. A second run makes only figures that are missing or whose
-code or quality has changed. Compiled programs are kept in the user's cache folder, at most 1 GiB, for later
-runs; in paper quality, figures that measure time compile again. Exit status: 0, 1 if a figure failed, 2 for
-wrong usage, 130 after Ctrl-C.
+Each figure becomes <name>.png in the output folder. numbers.json there contains what was measured beside \
+what the papers print, and index.html shows the figures. A second run makes only figures that are missing or \
+whose code or quality has changed. Compiled programs are kept in the user's cache folder, at most 1 GiB, for \
+later runs; in paper quality, figures that measure time compile again. Exit status: 0, 1 if a figure failed, \
+2 for wrong usage, 130 after Ctrl-C.
 """,
     )
     parser.add_argument(

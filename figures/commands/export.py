@@ -69,12 +69,12 @@ def _parser() -> argparse.ArgumentParser:
         "export",
         "Write a sampler, sequence, order or scene as source code, which computes the same bits.",
         f"""\
-module:name is the object, or a function that makes it: the function is called with those of width, height,
+module:name is the object, or a function that makes it: the function is called with those of width, height, \
 spp and key (an int) that it has as parameters. The module is looked for in the current folder, too.
 
 suffixes of --out that name a language: {" ".join(LANGUAGES)}
 
-The comment at the head of the file says how to call it. Large tables of a shader are words that its caller
+The comment at the head of the file says how to call it. Large tables of a shader are words that its caller \
 binds: they are in a second file, FILE.tables.
 
 example:

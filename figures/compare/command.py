@@ -125,15 +125,13 @@ def _parser() -> argparse.ArgumentParser:
         "compare",
         "Compare samplers and sequences, yours and those of others: one page, one CSV file, one table.",
         f"""\
-An entry is module:name, a sampler, a sequence, or a function that makes one from those of
-{", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for
-in the current folder, too. Or a file of points (.npy, text), in every pixel with a random rotation; or a
+An entry is module:name, a sampler, a sequence, or a function that makes one from those of \
+{", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for \
+in the current folder, too. Or a file of points (.npy, text), in every pixel with a random rotation; or a \
 name. A program writes its points to standard output: python -m pydoc figures.compare.entries prints how.
 
 of the library: {", ".join(RIVALS)}
-
 of others here: {", ".join(available())}
-
 scenes: {", ".join(SCENES)}
 
 An interrupted run goes on where it was: what is finished stays in the output folder.

@@ -11,7 +11,6 @@ import sys
 import threading
 import time
 import traceback
-import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -98,7 +97,7 @@ def run(
     # be enabled in the environment before a process starts.
     os.environ.setdefault("GLIBC_TUNABLES", "glibc.malloc.hugetlb=1")
     os.environ["MPLBACKEND"] = "Agg"
-    context = _context(tasks)
+    context, alone = _context(tasks), False
     waiting = deque(tasks)
     idle: list[_Worker] = []
     busy: dict[Future[Done | Failed], _Worker] = {}
@@ -111,8 +110,9 @@ def run(
                     try:
                         worker = idle.pop() if idle else _Worker(context)
                     except OSError as error:
-                        said = f"figures are made in this process, one by one, since no other starts: {error}"
-                        warnings.warn(said, RuntimeWarning, stacklevel=2)
+                        if not alone:
+                            print(f"figures are made in this process: {error}", file=sys.stderr)
+                        alone = True
                         yield task, _answer(task, lambda fraction, name=task.name: watch({name: fraction}))
                         continue
                     busy[worker.start(task)] = worker

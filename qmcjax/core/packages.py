@@ -41,8 +41,7 @@ def load(name: str) -> ModuleType:
             raise ImportError(f"{file} hides the package {name} of qmcjax, which is in {ROOT}: rename it")
         return known
     spec = PathFinder.find_spec(name, [str(ROOT)])
-    if spec is None or spec.loader is None:
-        raise ImportError(f"the package {name} must be in {ROOT}, where qmcjax is")
+    assert spec is not None and spec.loader is not None
     sys.modules[name] = module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

@@ -383,7 +383,7 @@ def test_a_class_may_hold_a_sequence():
 
 def test_ranks_say_who_is_told_apart():
     def of(values):
-        return {"RMS error": tuple(values)}
+        return {"RMS error": tuple(values), "filtered error": tuple(values)}
 
     def row(sampler, values):
         return analysis.ComparisonRow(
@@ -391,10 +391,17 @@ def test_ranks_say_who_is_told_apart():
         )
 
     rows = row("best", [1.0, 1.1, 0.9, 1.0]), row("a", [2.0, 2.6, 2.2, 2.4]), row("b", [2.1, 2.5, 2.3, 2.4])
-    ranks = analysis.Comparison(rows, {}, {}, {}, {}).ranks("s", 1)
+    left_out = {("s", "c", 1): "no", ("s", "c", 4): "no", ("t", "c", 4): "no"}
+    compared = analysis.Comparison(rows, {}, {"a": ["one"]}, left_out, {})
+    ranks = compared.ranks("s", 1)
     assert ranks["best"] == (1, 1, 1)
     assert sorted(rank for rank, _, _ in ranks.values()) == [1, 2, 3]
     assert ranks["a"][1:] == ranks["b"][1:] == (2, 3)
+    said = str(compared).splitlines()
+    assert " ".join(said[0].split()) == "RMS error 1 spp 4 spp"
+    rows = [["best", "0.997*", "-"], ["a", "2.29", "-"], ["b", "2.32", "-"], ["c", "-", "-"], ["c", "-", "-"]]
+    assert [line.split()[1:] for line in said[1:6]] == rows
+    assert said[-2:] == ["left out: c, s at 1, 4 spp; t at 4 spp: no", "a breaks a promise: one"]
 
 
 @pytest.mark.slow

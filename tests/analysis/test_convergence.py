@@ -83,6 +83,9 @@ def test_table(rendered):
     assert [(row.sampler, row.spp) for row in table.rows] == [(n, s) for n in SAMPLERS for s in (1, 4, 16)]
     assert scene.asked == [(6, 8)]
     assert table.bound == 1e-10
+    said = [line.split() for line in str(table).splitlines()]
+    assert said[0] == ["sampler", "spp", "whole", "upper", "lower", "seconds"] and len(said) == 2 + 6
+    assert said[1][:4] == ["slow", "1", f"{table.rows[0].errors['whole']:.3g}", "0.5"]
     for name, factor, exponent in [("slow", 0.5, -0.5), ("fast", 2.0, -1.5)]:
         for region, more in [("upper", 1.0), ("lower", 10.0), ("whole", math.sqrt(50.5))]:
             spps, errors = table.errors(name, region)

@@ -112,6 +112,12 @@ def test_filters_by_taps_and_sigma():
     gauss = np.exp(-(x**2) / (2 * 0.5**2))
     sampled = expected_error(points, filters=Filter(np.outer(gauss, gauss)))
     assert sampled == pytest.approx(expected_error(points, filters=0.5), rel=1e-6)
+    for given in (np.array([[3.0]]), [np.array([[3.0]])], [0]):
+        assert expected_error(points, filters=given) == expected_error(points, filters=Filter([[3.0]]))
+    frames = tile(4, 4, 8, 2).reshape(4, 4, 4, 2, 2)
+    assert expected_error(frames, filters=np.ones((3, 1, 2))) == pytest.approx(
+        expected_error(frames, filters=Filter(np.ones((3, 1)), np.ones(2))), rel=1e-12
+    )
     # A box over the whole tile: all points together estimate the mean.
     whole = expected_error(points, filters=Filter(np.ones((8, 8))))
     assert whole == pytest.approx(expected_error(points.reshape(1, 1, 64, 2), filters=0), rel=1e-9)

@@ -135,6 +135,19 @@ def test_points_designed_for_functions_are_a_tile():
     assert error(made) < 0.75 * error(rng.random(made.shape))
 
 
+def test_tiles_are_designed_for_taps():
+    """The term of the unfiltered error stays, unless filters contain it."""
+    taps = np.outer([1, 2, 1], [1, 2, 1])
+    forms = taps, [Filter(taps), Filter(0.0, weight=0.05)], [taps, Filter(0, weight=0)]
+    made = [design_samples(4, 4, 2, 1, filters=filters, steps=20) for filters in forms]
+    np.testing.assert_array_equal(made[1].points, made[0].points)
+    assert (made[2].points != made[0].points).any()
+    error = expected_error(made[0].points, filters=taps)
+    assert expected_error(made[0], filters=taps) == error
+    words = samplers.tiled(made[0].points, 1).tile
+    assert expected_error(words, filters=taps) == pytest.approx(error, rel=1e-3)
+
+
 def test_functions_need_as_many_dimensions_as_tiles():
     with pytest.raises(ValueError, match="dims must be 2 or 4, got 3"):
         design_samples(8, 8, 1, 1, 3, integrands=[smooth])

@@ -183,7 +183,10 @@ def test_the_type_of_a_scene_tells_its_kind():
 
 def test_traced_scenes_have_edges():
     assert choosing.has_edges(scenes.cornell_box()) is True
-    assert "scenes with edges" in words(qj.recommend(scenes.occluder(), 4))
+    said = words(qj.recommend(scenes.occluder(), 4))
+    assert "scenes with edges" in said and said.endswith(" None of these scenes is ray-traced.")
+    for given in ({"needs": scenes.ball()}, {"needs": scenes.occluder(), "after": "denoiser"}):
+        assert "ray-traced" not in words(qj.recommend(spp=4, **given))
 
 
 @pytest.mark.parametrize("name", choosing.CANDIDATES)

@@ -211,7 +211,7 @@ def _answer(task: Task, tell: Callable[[float], object] = _tell) -> Done | Faile
         forget_programs()
 
 
-def draw(task: Task, progress: Callable[[float], None]) -> Done:
+def draw(task: Task, progress: Callable[[float], object]) -> Done:
     """Make a figure; raise TypeError or ValueError if its module returns anything else."""
     start = time.perf_counter()
     module, function = f"{task.module}:make".split(":")[:2]

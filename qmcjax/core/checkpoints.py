@@ -182,7 +182,7 @@ class File:
     would wait for each other.
     """
 
-    def __init__(self, path: Path, header: str, state: Arrays, writes: bool, alone: bool = True) -> None:
+    def __init__(self, path: Path, header: str, state: Arrays, writes: bool, alone: bool) -> None:
         self.path = path
         self.header = header
         self.state = state
@@ -204,7 +204,7 @@ class File:
 
         If writing fails, the previous file remains, a warning is issued, and the computation continues.
         """
-        start = time.monotonic()
+        start, self._saved = time.monotonic(), True
         try:
             self._write({**self.outer, **state})
         except OSError as error:
@@ -214,8 +214,6 @@ class File:
                 stacklevel=2,
             )
             self._saved = False
-        else:
-            self._saved = True
         end = time.monotonic()
         self._next = end + max(EVERY, (end - start) / SHARE)
         if self._signal is not None:
@@ -289,8 +287,8 @@ def begin(checkpoint: Any, mesh: Mesh | None = None, **made_of: Any) -> File:
     if path.exists():
         known, state = _read(path)
         _refuse_other(path, known, described)
-    header, alone = json.dumps({"format": _FORMAT, "made of": described}), devices.processes(mesh) == 1
-    made = File(path, header, state, writes, alone)
+    header = json.dumps({"format": _FORMAT, "made of": described})
+    made = File(path, header, state, writes, devices.processes(mesh) == 1)
     if writes and not state:
         made._write({})
     if not devices.agree(int(digest("checkpoint", state)[0][:8], 16), mesh):

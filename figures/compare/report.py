@@ -66,9 +66,8 @@ def text(run: Run) -> str:
         ratios = {name: scores.ratios(of, run.measured[BASE]) for name, of in run.measured.items()}
         heads, lines = summary_table(entries_json(run, ratios))
         parts.append(tables.aligned(list(zip(heads, *lines, strict=True))))
-        parts += [
-            f"left out: {name}, {', '.join(cells)}: {why}" for (name, why), cells in run.missing.items()
-        ]
+    for (name, why), cells in run.missing.items() if run.ground.integrands or run.files else ():
+        parts.append(f"left out: {name}, {', '.join(cells)}: {why}")
     return "\n".join(parts)
 
 

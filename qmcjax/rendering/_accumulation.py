@@ -1,5 +1,6 @@
 """Sums of samples over pixels: all pixels of an image, or a list of them."""
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -19,6 +20,9 @@ from qmcjax.core.summation import Sum
 
 Pixels = tuple[Array, Array]
 """Columns and rows."""
+
+Levels = tuple[tuple[tuple[int, ...], int], ...]
+"""Coordinates that are split together, and into how many: first those that are not split, 1."""
 
 _ALIGNED = 64
 """Divisor of the number of pixels in a large tile; other sizes take up to 7 % longer."""
@@ -42,6 +46,8 @@ class How(NamedTuple):
     """Sampled coordinates; the others are 1/2 (of the pixel, for the first two)."""
     dtype: np.dtype
     mesh: Mesh | None
+    levels: Levels = ()
+    """Of a batch that is one sample with its sub-samples."""
 
     @property
     def block(self) -> int:
@@ -108,19 +114,55 @@ def _prepared(how: How, sampler: Any, tile: Array) -> tuple[Any, Pixels]:
     if how.together > 1:
         tile = jnp.broadcast_to(tile[:, None], (how.size, how.together))
     pixels = tile % np.uint32(how.width), tile // np.uint32(how.width)
-    return sampler.prepare(*pixels, how.dims), pixels
+    shared = [sampler.prepare(*pixels, dims) for dims, _ in how.levels or ((how.dims, 1),)]
+    return shared if how.levels else shared[0], pixels
 
 
 def _batch(how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array) -> Array:
     """Return the sums over batches, with the given numbers or one number, of samples of the pixels."""
     scene, sampler, prepared, pixels = parameters
     number = jnp.broadcast_to(number, pixels[0].shape)
+    if how.levels:
+        return _of_sub_samples(how, parameters, number, 0, {})
     values = []
     for point in sampler.consecutive(prepared, number, how.batch, how.dims, how.dtype):
         whole = with_all_dims(point, how.dims, len(scene.needs))
         value = scene(on_screen(whole, *pixels, how.width, how.height))
         values.append(value if is_own(sampler) else nan_outside(value, point))
     return summation.pairwise(values)
+
+
+def _of_sub_samples(
+    how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array, level: int, given: dict[int, Array]
+) -> Array:
+    """Return the sum over all sub-samples of one sample of a level; what they share is evaluated once."""
+    scene, sampler, prepared, pixels = parameters
+    if level == len(how.levels):
+        return _value(scene, given)
+    (dims, count), later = how.levels[level], math.prod(count for _, count in how.levels[level + 1 :])
+
+    def of_one(k: Array) -> Array:
+        one = number * np.uint32(count) + k
+        point = sampler.points(prepared[level], one * np.uint32(later), dims, how.dtype)
+        whole = point if level else on_screen(point, *pixels, how.width, how.height)
+        own = {j: whole[..., i] for i, j in enumerate(dims)}
+        value = _of_sub_samples(how, parameters, one, level + 1, given | own)
+        return value if is_own(sampler) else nan_outside(value, point)
+
+    if count == 1:
+        return of_one(jnp.uint32(0))
+    return summation.pairwise(list(jax.vmap(of_one)(jnp.arange(count, dtype=jnp.uint32))))
+
+
+def _value(scene: Any, given: dict[int, Array]) -> Array:
+    """Evaluate a scene at separate coordinates, some of which may be mapped over."""
+    shape, ordered = given[0].shape, [given[j].ravel() for j in range(len(given))]
+    separate = getattr(scene, "of_coordinates", None)
+    if separate is None:
+        value = scene(jnp.stack(ordered, axis=-1))
+    else:
+        value = separate(dict(zip(scene.needs, ordered, strict=True)))
+    return value.reshape(*shape, *value.shape[1:])
 
 
 def nan_outside(values: Array, points: Array) -> Array:

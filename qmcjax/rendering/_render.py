@@ -18,7 +18,6 @@ from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
-from qmcjax.rendering._split import split_task
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, open_checkpoint, refuse, task
 
 
@@ -89,9 +88,7 @@ def render(
     >>> print(render(scenes.checkerboard(), sampler, 64, 64, spp=16).shape)
     (64, 64)
     """
-    wanted = task(scene, sampler, width, height, spp, dtype)
-    if split is not None:
-        wanted = split_task(wanted, split)
+    wanted = task(scene, sampler, width, height, spp, dtype, split)
     check_progress(progress, wanted)
     mesh = devices.validate_mesh(mesh)
     return render_task(wanted, mesh, progress, open_checkpoint(checkpoint, "render", wanted, mesh))
@@ -101,12 +98,12 @@ def render_task(
     task: Task, mesh: Mesh | None, progress: Callable[[float], None] | None, saved: checkpoints.File | None
 ) -> Array:
     """Take all samples of all pixels of a checked task, resuming from its checkpoint."""
-    scene, sampler, width, height, spp, dtype = task
+    scene, sampler, width, height, spp, dtype, levels = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     traced, backend = task.traced, backends.current()
     with checks.precision(dtype):
         # Add values pairwise before the compensated sum: memory traffic dominates.
-        batch, together = in_one_pass(scene, sampler, spp, dims)
+        batch, together = in_one_pass(scene, sampler, spp, dims, levels)
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
         if backend.caches and size < pixels:
             sampler = _with_tables(sampler, dims)
@@ -114,7 +111,7 @@ def render_task(
         most = min(backend.pixels, backend.samples // spp)
         at_a_time = pixels if traced else max(most // size, devices.count(mesh))
         whole = together > 1 and batch * together == spp
-        how = _accumulation.How(size, width, height, batch, together, whole, dims, dtype, mesh)
+        how = _accumulation.How(size, width, height, batch, together, whole, dims, dtype, mesh, levels)
         count = -(-pixels // size)
         if saved is None and (traced or (count <= at_a_time and count * size * spp <= backend.samples)):
             by_rows = backend.caches and not traced

@@ -2,7 +2,7 @@
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from qmcjax.core import backends, checkpoints, checks
 from qmcjax.core.pytrees import is_traced
 from qmcjax.rendering import _accumulation
-from qmcjax.samplers import as_sampler
+from qmcjax.rendering._accumulation import Levels
+from qmcjax.samplers import Sampler, as_sampler
 from qmcjax.scenes import as_scene
 
 _SEARCHED = 2**16
@@ -30,6 +31,8 @@ class Task(NamedTuple):
     height: int
     spp: int
     dtype: np.dtype
+    levels: Levels = ()
+    """How samples of split dimensions share those of the others; ``spp`` counts all sub-samples."""
 
     @property
     def traced(self) -> bool:
@@ -41,7 +44,7 @@ class Task(NamedTuple):
         return getattr(self.scene, "unrolled", 0) == 1
 
 
-def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any) -> Task:
+def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any, split: Any = None) -> Task:
     scene = as_scene("scene", scene)
     sampler = as_sampler("sampler", sampler)
     width, height = checks.image_size(width, height)
@@ -53,10 +56,37 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
             f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
         )
     sampler.check(width, height, spp)
-    return Task(scene, sampler, width, height, spp, dtype)
+    if split is None:
+        return Task(scene, sampler, width, height, spp, dtype)
+    sampler, levels = _split(sampler, scene.needs, spp, split)
+    spp *= math.prod(count for _, count in levels)
+    sampler.check(width, height, spp)
+    return Task(scene, sampler, width, height, spp, dtype, levels)
 
 
-def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> tuple[int, int]:
+def _split(sampler: Sampler, needs: tuple[str, ...], spp: int, split: Any) -> tuple[Sampler, Levels]:
+    """Return a sampler that is split in the named dimensions, one name after another, and its levels."""
+    if not isinstance(split, Mapping):
+        raise TypeError(f"split must be a mapping such as {{'light': 4}}, got {checks.shown(split)}")
+    levels, left = [], range(len(needs))
+    for name, count in split.items():
+        dims = tuple(
+            j for j in left if j > 1 and isinstance(name, str) and f"{needs[j]}_".startswith(f"{name}_")
+        )
+        if not dims:
+            raise ValueError(
+                f"split must name dimensions of the scene, each once and none of the screen: {needs[2:]}, "
+                f"got {checks.shown(name)}"
+            )
+        count = checks.integer("split", count, 1, (checks.INDEX_LIMIT - 1) // spp)
+        sampler, left, spp = sampler.split(dims, count), [j for j in left if j not in dims], spp * count
+        levels.append((dims, count))
+    return sampler, ((tuple(left), 1), *levels)
+
+
+def in_one_pass(
+    scene: Any, sampler: Any, spp: int, dims: tuple[int, ...], levels: Levels = ()
+) -> tuple[int, int]:
     """Return the number of samples that a thread evaluates, and the number of such batches along an axis.
 
     Their product divides ``spp``.
@@ -67,6 +97,8 @@ def in_one_pass(scene: Any, sampler: Any, spp: int, dims: tuple[int, ...]) -> tu
     else:
         unrolled = 1 << (max(backend.coordinates // len(dims), 1).bit_length() - 1)
     batch = math.gcd(spp, unrolled, getattr(scene, "unrolled", 0))
+    if levels:
+        batch = math.prod(count for _, count in levels)
     return batch, max(k for k in range(1, backend.together + 1) if spp // batch % k == 0)
 
 
@@ -114,7 +146,7 @@ def open_checkpoint(
     if checkpoint is None:
         return None
     _check_outside("checkpoint", checkpoint, task)
-    made_of = made_of or {"sampler": task.sampler, "spp": task.spp}
+    made_of = made_of or {"sampler": task.sampler, "spp": task.spp, "split": task.levels}
     size = {"width": task.width, "height": task.height, "dtype": task.dtype.name}
     return checkpoints.begin(checkpoint, mesh, function=function, scene=task.scene, **size, **made_of)
 

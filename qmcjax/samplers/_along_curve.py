@@ -16,7 +16,7 @@ from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
-from qmcjax.samplers._base import limit_finer
+from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import AlongCurve
 from qmcjax.sequences import BinarySequence, InTime, Sequence, as_sequence
 
@@ -51,12 +51,6 @@ def points_64(sequence: Sequence, index: Index, dims: tuple[int, ...], dtype: DT
         return beyond  # Exact in both ways.
     # Division by a long divisor rounds more often and differs in the last place.
     return jnp.where((high == 0)[..., None], sequence.coordinates(low, dims, dtype), beyond)
-
-
-def finer_spp(sampler: Any, count: int, indices: int) -> int:
-    """Return ``count`` times the samples of a pixel's block, if there are so many indices."""
-    most = min(indices // (sampler.order.length * sampler.spp), (checks.INDEX_LIMIT - 1) // sampler.spp)
-    return sampler.spp * limit_finer(count, most, f"for {indices} indices and spp={sampler.spp}")
 
 
 class Strided(AlongCurve):
@@ -113,7 +107,8 @@ class Contiguous(AlongCurve):
         return needed(self.order.length * self.spp, self.sequence)
 
     def finer(self, count: int) -> "Contiguous":
-        return replace(self, spp=finer_spp(self, count, self.sequence.limit_64))
+        most = min(self.sequence.limit_64 // self.order.length, checks.INDEX_LIMIT - 1)
+        return replace(self, spp=more_samples(self.spp, count, most))
 
     def at_frame(self, frame: Array | int) -> "Contiguous":
         """Return the sampler of another frame of an animation, without recompilation.
@@ -229,7 +224,8 @@ class Segments(Strided):
         return jnp.where(rounds == 0, np.uint32(0), power), power
 
     def finer(self, count: int) -> "Segments":
-        return replace(self, spp=finer_spp(self, count, self._limit))
+        most = min(self._limit // self.order.length, checks.INDEX_LIMIT - 1)
+        return replace(self, spp=more_samples(self.spp, count, most))
 
     @property
     def _limited(self) -> str:

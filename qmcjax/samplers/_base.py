@@ -143,22 +143,7 @@ class Sampler(abc.ABC):
         return self
 
     def finer(self, count: int) -> "Sampler":
-        """Return the same kind of sampler with ``count`` times as many samples per pixel, for ``split``.
-
-        Parameters
-        ----------
-        count : int, at least 1
-
-        Returns
-        -------
-        Sampler
-            ``self`` by default, for samplers without a fixed number of samples; others override it.
-
-        Raises
-        ------
-        ValueError
-            If there is none for this count.
-        """
+        """Return the sampler of sub-samples: ``self``, unless the number of samples is fixed."""
         return self
 
     def split(self, dims: tuple[int, ...], count: int) -> "Sampler":
@@ -207,8 +192,7 @@ class Sampler(abc.ABC):
         [ True  True]
         """
         count = checks.integer("count", count, 1, checks.INDEX_LIMIT - 1)
-        divided = tuple(sorted(set(checks.dimensions(dims, self.dims))))
-        return Split(self, self.finer(count), divided, count)
+        return Split(self, self.finer(count), checks.dimensions(dims, self.dims), count)
 
     def check(self, width: int, height: int, spp: int) -> None:
         """Raise unless the sampler supports this image size and number of samples.
@@ -269,7 +253,6 @@ class Split(Sampler):
 
     whole: Sampler
     fine: Sampler
-    """``whole.finer(count)``."""
     divided: tuple[int, ...] = field(metadata={"static": True})
     """The coordinates that have sub-samples."""
     count: int = field(metadata={"static": True})
@@ -282,25 +265,23 @@ class Split(Sampler):
     def limits(self) -> tuple[int, int, int]:
         return self.fine.limits
 
-    def _shares(self, dims: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-        """Return the coordinates that are not split, and those that are."""
-        return tuple(j for j in dims if j not in self.divided), tuple(j for j in dims if j in self.divided)
+    def _shares(self, dims: tuple[int, ...]) -> list[tuple[Sampler, tuple[int, ...], int]]:
+        """Return samplers, which of the coordinates they have, and their samples for each of theirs."""
+        split = tuple(j for j in dims if j in self.divided)
+        kept = tuple(j for j in dims if j not in self.divided)
+        return [each for each in ((self.whole, kept, self.count), (self.fine, split, 1)) if each[1]]
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        shares = zip((self.whole, self.fine), self._shares(dims), strict=True)
-        return tuple(sampler.prepare(x, y, own) if own else None for sampler, own in shares)
+        return [sampler.prepare(x, y, own) for sampler, own, _ in self._shares(dims)]
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        (whole, fine), (of_whole, of_fine), parts = self._shares(dims), state, []
-        if whole:
-            parts.append(self.whole.points(of_whole, sample // np.uint32(self.count), whole, dtype))
-        if fine:
-            parts.append(self.fine.points(of_fine, sample, fine, dtype))
-        return joined(parts, (*whole, *fine), dims)
+        shares = list(zip(self._shares(dims), state, strict=True))
+        parts = [one.points(of, sample // np.uint32(count), own, dtype) for (one, own, count), of in shares]
+        return joined(parts, sum((own for (_, own, _), _ in shares), ()), dims)
 
     def up_to(self, spp: int) -> "Split":
-        whole = self.whole.up_to(-(-spp // self.count))
-        return Split(whole, self.fine.up_to(spp), self.divided, self.count)
+        whole, fine = self.whole.up_to(-(-spp // self.count)), self.fine.up_to(spp)
+        return Split(whole, fine, self.divided, self.count)
 
     def finer(self, count: int) -> Sampler:
         return self.fine.finer(count)
@@ -330,17 +311,9 @@ def joined(parts: list[Array], order: tuple[int, ...], dims: tuple[int, ...]) ->
     return whole if order == dims else whole[..., np.array([order.index(j) for j in dims])]
 
 
-def validate_finer(sampler: Any, count: int, most: int) -> int:
-    """Return ``count`` times the samples of a sampler that has powers of two, up to ``most``."""
-    if count & (count - 1) or count * sampler.spp > most:
-        raise ValueError(
-            f"count must be a power of two, at most {most // sampler.spp} for spp={sampler.spp}, got {count}"
-        )
-    return count * sampler.spp
-
-
-def limit_finer(count: int, most: int, reason: str) -> int:
-    """Return ``count``, or raise a ValueError with the reason if it is larger."""
-    if count > most:
-        raise ValueError(f"count must be at most {most} {reason}, got {count}")
-    return count
+def more_samples(spp: int, count: int, most: int, powers: bool = False) -> int:
+    """Return ``spp * count``, or raise a ValueError if it is above ``most`` or must be a power of two."""
+    if spp * count > most or (powers and count & (count - 1)):
+        kind = "a power of two, " if powers else ""
+        raise ValueError(f"count must be {kind}at most {most // spp} for spp={spp}, got {count}")
+    return spp * count

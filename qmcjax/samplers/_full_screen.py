@@ -20,7 +20,7 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import limit_finer
+from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import ForImage
 from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
 
@@ -184,7 +184,7 @@ class FullScreen(ForImage):
 
     def finer(self, count: int) -> "FullScreen":
         if self.net.size is not None:
-            limit_finer(count, 1, f"for a net, which has {self.spp} points in each pixel")
+            more_samples(self.spp, count, self.spp)
         return self
 
     def _check_count(self, spp: int, limit: int | None = None) -> None:

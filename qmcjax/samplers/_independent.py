@@ -12,7 +12,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, joined, limit_finer
+from qmcjax.samplers._base import Sampler, joined, more_samples
 from qmcjax.samplers._kinds import InEveryPixel
 from qmcjax.samplers._of_functions import as_sampler
 from qmcjax.sequences import BinarySequence, Sequence, as_sequence
@@ -143,8 +143,7 @@ class Interleaved(Sampler):
         return joined(parts, (*own, *(j + self._on_screen for j in shared)), dims)
 
     def finer(self, count: int) -> "Interleaved":
-        most = self.sequence.limit // (self.tile**2 * self.spp)
-        spp = self.spp * limit_finer(count, most, "for the sequence in all pixels of a tile")
+        spp = more_samples(self.spp, count, self.sequence.limit // self.tile**2)
         return replace(self, spp=spp, positions=self.positions and self.positions.finer(count))
 
     def check(self, width: int, height: int, spp: int) -> None:

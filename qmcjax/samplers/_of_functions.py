@@ -1,7 +1,7 @@
 """User-defined samplers: objects with a sampler's methods, functions of pixel and sample, or of a key."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import jax
@@ -15,7 +15,7 @@ from qmcjax.core.bits import below_one
 from qmcjax.core.jax_internals import alike
 from qmcjax.core.plug_ins import parameters, unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, limit_finer
+from qmcjax.samplers._base import Sampler, more_samples
 from qmcjax.samplers._kinds import OfDims
 
 MAX_DIMS = 2**16
@@ -144,17 +144,6 @@ def _positional(value: Any) -> int:
     return sum(p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD) for p in known)
 
 
-@dataclass(frozen=True)
-class _Finer:
-    """The finer samplers of keys; equal ones compile once."""
-
-    sampler_of_key: Callable[[Array], Any]
-    count: int
-
-    def __call__(self, key: Array) -> Sampler:
-        return as_sampler("sampler_of_key(key)", self.sampler_of_key(key)).finer(self.count)
-
-
 @frozen_pytree
 class Randomized(OfDims):
     """Sample s is sample ``s % spp`` of a sampler made with a separate key for pass ``s // spp``."""
@@ -163,6 +152,8 @@ class Randomized(OfDims):
     key: Array
     spp: int = field(metadata={"static": True})
     """Samples of a pixel in a pass."""
+    sub_samples: int = field(default=1, metadata={"static": True})
+    """How many of a sample each pass has, by ``finer``."""
 
     def of_pass(self, number: Array | int) -> Any:
         """Return the sampler of a pass.
@@ -175,7 +166,8 @@ class Randomized(OfDims):
         -------
         Sampler
         """
-        return self.sampler_of_key(jax.random.fold_in(self.key, number))
+        made = self.sampler_of_key(jax.random.fold_in(self.key, number))
+        return made if self.sub_samples == 1 else as_sampler("sampler_of_key", made).finer(self.sub_samples)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
@@ -192,9 +184,8 @@ class Randomized(OfDims):
             return jax.lax.fori_loop(np.uint32(0), number.max() - first + np.uint32(1), fill, empty)
 
     def finer(self, count: int) -> "Randomized":
-        most = (checks.INDEX_LIMIT - 1) // self.spp
-        spp = self.spp * limit_finer(count, most, f"for spp={self.spp}")
-        return replace(self, sampler_of_key=_Finer(self.sampler_of_key, count), spp=spp)
+        spp = more_samples(self.spp, count, checks.INDEX_LIMIT - 1)
+        return replace(self, spp=spp, sub_samples=self.sub_samples * count)
 
     def check(self, width: int, height: int, spp: int) -> None:
         super().check(width, height, spp)

@@ -17,7 +17,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._along_curve import Contiguous, needed
-from qmcjax.samplers._base import validate_finer
+from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import ForImage, OfDims
 from qmcjax.samplers._z_index import append
 from qmcjax.sequences import (
@@ -69,18 +69,19 @@ def _moving() -> tuple[dict[int, NDArray[np.int64]], dict[int, NDArray[np.uint32
 
 
 def index_bits(
-    tables: Mapping[int, NDArray[np.int64]], digits: int, matrices: NDArray[np.uint32]
+    tables: Mapping[int, NDArray[np.int64]], digits: int, matrices: NDArray[np.uint32], more: int = 0
 ) -> NDArray[np.uint32]:
     """Return the index in the sequence that each bit of a Morton-ordered index stands for: uint32 (32,).
 
     This is bit k itself, except for the bits of pixels below bit 32, which have searched indices. ``tables``:
     indices of the bits of Morton codes, by binary logarithms of numbers of samples. ``digits``: this
-    logarithm. ``matrices``: the matrices of the sequence.
+    logarithm. ``matrices``: the matrices of the sequence. ``more``: digits of sub-samples below them.
     """
     known = min(digits, max(tables))
     words = tables[known]
     if known < digits:
         words = _longer(words, known, digits, matrices)
+    digits, words = digits + more, words << more
     # The word of a bit has no higher bits than those of its level.
     used = min(len(words), (32 - digits) // 2 * 2)
     found = np.uint32(1) << np.arange(32, dtype=np.uint32)
@@ -112,6 +113,9 @@ def _reordered(sequence: Digital, bits: NDArray[np.uint32]) -> Digital:
 class Joint(Contiguous):
     """Contiguous blocks along the Morton order: points are linear over F2 in the digits of x and y."""
 
+    searched: int = field(metadata={"static": True})
+    """The number of samples per pixel that the map is for."""
+
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the states of many pixels from those of all columns and rows, without products per pixel."""
         side, _ = self.order.raster
@@ -131,26 +135,24 @@ class Joint(Contiguous):
         )
 
     def finer(self, count: int) -> "Joint":
-        spp = validate_finer(self, count, min(MAX_SPP, self.sequence.limit_64 // self.order.length))
-        moving = self.sequence if isinstance(self.sequence, InTime) else None
-        scrambled: Any = self.sequence if moving is None else moving.sequence
-        scrambled = replace(
-            scrambled, sequence=_searched(self.order.length, spp, self.dims, moving is not None)
-        )
-        if moving is None:
-            return replace(self, sequence=scrambled, spp=spp)
-        return replace(self, sequence=replace(_in_time(scrambled, spp), frame=moving.frame), spp=spp)
+        most = min(MAX_SPP, self.sequence.limit_64 // self.order.length)
+        spp, made = more_samples(self.spp, count, most, powers=True), self.sequence
+        moving = isinstance(made, InTime)
+        # Two maps would make points of samples and sub-samples depend on each other over an image.
+        searched = _searched(self.order.length, self.searched, self.dims, moving, spp // self.searched)
+        scrambled: Any = replace(made.sequence if moving else made, sequence=searched)
+        return replace(self, sequence=replace(made, sequence=scrambled) if moving else scrambled, spp=spp)
 
 
 def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:
     """Sample all coordinates with one Owen-scrambled sequence, as :func:`optimized` describes."""
     order = orders.morton(width, height)
     scrambled: Any = owen(_searched(order.length, spp, dims, moving), key)
-    return Joint(order, _in_time(scrambled, spp) if moving else scrambled, spp)
+    return Joint(order, _in_time(scrambled, spp) if moving else scrambled, spp, spp)
 
 
-def _searched(pixels: int, spp: int, dims: int, moving: bool) -> Digital:
-    """Return the sequence, reordered by the tables for a number of samples."""
+def _searched(pixels: int, spp: int, dims: int, moving: bool, count: int = 1) -> Digital:
+    """Return the sequence, reordered by the tables for a number of samples, of ``count`` sub-samples."""
     # Coordinates of the Niederreiter-Xing sequence are not nets with t = 0, as windows of frames require.
     if dims <= SMALL_DIMS and pixels * spp <= 2**32 and not moving:
         make, searched, tables = niederreiter_xing, SMALL_DIMS, _tables(SMALL_DIMS)
@@ -160,7 +162,7 @@ def _searched(pixels: int, spp: int, dims: int, moving: bool) -> Digital:
         make, searched, tables = sobol, 2 * SMALL_DIMS, _tables(2 * SMALL_DIMS)
     with jax.ensure_compile_time_eval():
         matrices = np.asarray(make(searched).matrices)
-    return _reordered(make(dims), index_bits(tables, spp.bit_length() - 1, matrices))
+    return _reordered(make(dims), index_bits(tables, spp.bit_length() - 1, matrices, count.bit_length() - 1))
 
 
 def _in_time(sequence: Any, spp: int) -> InTime:
@@ -223,7 +225,7 @@ class Optimized(ForImage, OfDims):
         return replace(self, frame=checks.frame(frame))
 
     def finer(self, count: int) -> "Optimized":
-        spp = validate_finer(self, count, MAX_SPP)
+        spp = more_samples(self.spp, count, MAX_SPP, powers=True)
         return replace(self, order=self.order.for_count(spp), ranks=_ranks_for(spp), spp=spp)
 
     def _shuffled(self, sample: Array, seed: Array) -> Array:

@@ -13,6 +13,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import morton
+from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import OfDims
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
@@ -44,6 +45,8 @@ class Tiled(OfDims):
     """Number of samples per pixel."""
     family: str | None = field(default=None, metadata={"static": True})
     """The designed tiles for other numbers of samples, if there are any."""
+    first: int = field(default=0, metadata={"static": True})
+    """The number of the first coordinate, for moves; others than 0 are for sub-samples."""
 
     @property
     def limits(self) -> tuple[int, int, int]:
@@ -59,13 +62,12 @@ class Tiled(OfDims):
         return replace(self, frame=checks.frame(frame))
 
     def finer(self, count: int) -> "Tiled":
-        spp = self.spp * count
-        if count > 1 and (self.family is None or spp > _MOST_DESIGNED or count & (count - 1)):
-            of = "no other tile" if self.family is None else f"tiles for powers of two up to {_MOST_DESIGNED}"
-            raise ValueError(
-                f"count must be 1, or lead to a tile: there is {of} for spp={self.spp}, got {count}"
-            )
-        return self if count == 1 else replace(self, tile=_designed_words(str(self.family), spp), spp=spp)
+        spp = more_samples(self.spp, count, MAX_SPP, powers=True)
+        if count == 1:
+            return self
+        # Translations and turns of its own: those of coordinates that nothing else has.
+        words = self.tile if self.family is None else jnp.asarray(_designed_words(self.family, spp))
+        return replace(self, tile=words, spp=spp, first=2**16 * (spp.bit_length() - 1))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         hashed = hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
@@ -87,7 +89,7 @@ class Tiled(OfDims):
         return (number ^ self.seeds[_SHUFFLE, 0]) & np.uint32(self._boxes - 1)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        size, first = self.tile.shape[-1], state[3]
+        size, first, dims = self.tile.shape[-1], state[3], tuple(self.first + j for j in dims)
         sample = sample if first is None else sample ^ first
         copies = {copy: self._moved(state, sample, copy) for copy in {j // size for j in dims}}
         words = [self._word(state, sample, j, *copies[j // size]) for j in dims]

@@ -14,7 +14,7 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import STEP, ScrambledMorton, morton
 from qmcjax.samplers._along_curve import Index, needed
-from qmcjax.samplers._base import validate_finer
+from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import ForImage, OnRaster
 from qmcjax.samplers._z_index import (
     Frames,
@@ -131,11 +131,8 @@ class Z(ForImage):
         return replace(self, frames=at_frame(self.frames, frame))
 
     def finer(self, count: int) -> "Z":
-        limit = (
-            self.sequence.limit_64 if len(self.constituents) == 1 else checks.INDEX_LIMIT * 4**self.log_side
-        )
-        most = min(MAX_SPP // self.rounds, limit // 4**self.log_side)
-        return replace(self, spp=validate_finer(self, count, most))
+        most = min(MAX_SPP // self.rounds, self.sequence.limit_64 // 4**self.log_side)
+        return replace(self, spp=more_samples(self.spp, count, most, powers=True))
 
     @property
     def _places(self) -> list[tuple[int, int]]:

@@ -1,7 +1,7 @@
 """Z paper, Sect. 4.4: light samples of split paths as one set, beside other ways, at equal rays."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -46,32 +46,6 @@ NOTE = (
 
 @pytree
 @dataclass(frozen=True)
-class Otherwise(samplers.Sampler):
-    """A sampler whose sub-samples are those of another one."""
-
-    sampler: samplers.Sampler
-    others: samplers.Sampler
-
-    @property
-    def dims(self) -> int:
-        """Number of dimensions."""
-        return self.sampler.dims
-
-    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        """Return what the sampler prepares."""
-        return self.sampler.prepare(x, y, dims)
-
-    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        """Return the sampler's points."""
-        return self.sampler.points(state, sample, dims, dtype)
-
-    def finer(self, count: int) -> samplers.Sampler:
-        """Return the other sampler."""
-        return self.others
-
-
-@pytree
-@dataclass(frozen=True)
 class Alone(samplers.Sampler):
     """Each block of samples is the beginning of the Sobol' sequence, scrambled anew for each coordinate."""
 
@@ -97,20 +71,21 @@ class Alone(samplers.Sampler):
 
 
 def ways(needs: tuple[str, ...], side: int, key: int) -> dict[str, samplers.Sampler]:
-    """Return the samplers of light and camera by the name of the way."""
+    """Return split samplers of light and camera by the name of the way: only light samples differ."""
     sizes = constituents(needs)
-    whole = samplers.z(side, side, SPP, key, constituents=sizes)
+    lights = tuple(j for j, name in enumerate(needs) if name.startswith("light"))
+    split = samplers.z(side, side, SPP, key, constituents=sizes).split(lights, COUNT)
     bits = (SPP * COUNT).bit_length() - 1
     arrays = padded_samplers.zero_two(sizes, key, key + 2**16, bits)
     alone = Alone(hash_pair(jnp.uint32(key), jnp.uint32(1)), len(needs))
-    return {ONE: whole, ARRAYS: Otherwise(whole, arrays), ALONE: Otherwise(whole, alone)}
+    return {ONE: split, ARRAYS: replace(split, fine=arrays), ALONE: replace(split, fine=alone)}
 
 
 def errors(scene: Any, exact: diffusion.Reference, side: int, key: int) -> dict[str, dict[str, float]]:
     """Return the measures of images of a key by the name of the way."""
     measure = partial(diffusion.measures, exact=exact)
     found = {
-        name: measure(_image(qj.render(scene, sampler, side, side, SPP, split={"light": COUNT})))
+        name: measure(_image(qj.render(scene, sampler, side, side, SPP * COUNT)))
         for name, sampler in ways(scene.needs, side, key).items()
     }
     whole = [

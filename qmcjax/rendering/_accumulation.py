@@ -138,7 +138,10 @@ def _of_sub_samples(
     """Return the sum over all sub-samples of one sample of a level; what they share is evaluated once."""
     scene, sampler, prepared, pixels = parameters
     if level == len(how.levels):
-        return _value(scene, given)
+        ordered, separate = [given[j] for j in range(len(given))], getattr(scene, "of_coordinates", None)
+        if separate is None:
+            return scene(jnp.stack(ordered, axis=-1))
+        return separate(dict(zip(scene.needs, ordered, strict=True)))
     (dims, count), later = how.levels[level], math.prod(count for _, count in how.levels[level + 1 :])
 
     def of_one(k: Array) -> Array:
@@ -152,17 +155,6 @@ def _of_sub_samples(
     if count == 1:
         return of_one(jnp.uint32(0))
     return summation.pairwise(list(jax.vmap(of_one)(jnp.arange(count, dtype=jnp.uint32))))
-
-
-def _value(scene: Any, given: dict[int, Array]) -> Array:
-    """Evaluate a scene at separate coordinates, some of which may be mapped over."""
-    shape, ordered = given[0].shape, [given[j].ravel() for j in range(len(given))]
-    separate = getattr(scene, "of_coordinates", None)
-    if separate is None:
-        value = scene(jnp.stack(ordered, axis=-1))
-    else:
-        value = separate(dict(zip(scene.needs, ordered, strict=True)))
-    return value.reshape(*shape, *value.shape[1:])
 
 
 def nan_outside(values: Array, points: Array) -> Array:

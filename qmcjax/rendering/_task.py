@@ -55,17 +55,15 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
             f"sampler must have the {len(scene.needs)} dimensions that the scene needs {scene.needs}, got "
             f"{sampler.dims}: {scene.needs[sampler.dims :]} are missing"
         )
-    sampler.check(width, height, spp)
-    if split is None:
-        return Task(scene, sampler, width, height, spp, dtype)
-    sampler, levels = _split(sampler, scene.needs, spp, split)
-    spp *= math.prod(count for _, count in levels)
+    levels: Levels = ()
+    if split is not None:
+        sampler, levels, spp = _split(sampler, scene.needs, spp, split)
     sampler.check(width, height, spp)
     return Task(scene, sampler, width, height, spp, dtype, levels)
 
 
-def _split(sampler: Sampler, needs: tuple[str, ...], spp: int, split: Any) -> tuple[Sampler, Levels]:
-    """Return a sampler that is split in the named dimensions, one name after another, and its levels."""
+def _split(sampler: Sampler, needs: tuple[str, ...], spp: int, split: Any) -> tuple[Sampler, Levels, int]:
+    """Return a sampler that is split in the named dimensions, its levels, and its samples per pixel."""
     if not isinstance(split, Mapping):
         raise TypeError(f"split must be a mapping such as {{'light': 4}}, got {checks.shown(split)}")
     levels, left = [], range(len(needs))
@@ -81,7 +79,7 @@ def _split(sampler: Sampler, needs: tuple[str, ...], spp: int, split: Any) -> tu
         count = checks.integer("split", count, 1, (checks.INDEX_LIMIT - 1) // spp)
         sampler, left, spp = sampler.split(dims, count), [j for j in left if j not in dims], spp * count
         levels.append((dims, count))
-    return sampler, ((tuple(left), 1), *levels)
+    return sampler, ((tuple(left), 1), *levels), spp
 
 
 def in_one_pass(
@@ -91,14 +89,14 @@ def in_one_pass(
 
     Their product divides ``spp``.
     """
+    if levels:  # Sub-samples of one sample, along axes of their own.
+        return math.prod(count for _, count in levels), 1
     backend = backends.current()
     if backend.coordinates is None:
         unrolled = sampler.unrolled(dims)
     else:
         unrolled = 1 << (max(backend.coordinates // len(dims), 1).bit_length() - 1)
     batch = math.gcd(spp, unrolled, getattr(scene, "unrolled", 0))
-    if levels:
-        batch = math.prod(count for _, count in levels)
     return batch, max(k for k in range(1, backend.together + 1) if spp // batch % k == 0)
 
 

@@ -146,38 +146,37 @@ class Sampler(abc.ABC):
         """Return the sampler of sub-samples: ``self``, unless the number of samples is fixed."""
         return self
 
-    def split(self, dims: tuple[int, ...], count: int) -> "Sampler":
+    def split(self, dims: tuple[int, ...], count: int) -> "Split":
         """Return a sampler with several sub-samples in some coordinates for each sample of the others.
 
-        Paths that split, as from one camera ray to several points of a light, save the rays before [1]_. All
-        sub-samples of a sample, a pixel, and neighbouring pixels are one set of points: those of the same
-        kind of sampler for ``count`` times as many samples per pixel.
+        Paths that split, as from one camera ray to several points of a light, save the rays before [1]_.
 
         Parameters
         ----------
         dims : tuple of int
             The coordinates to split, static; keep those that belong together, such as pairs, together.
         count : int
-            Sub-samples of a sample, at least 1: a power of two for :func:`z`, :func:`optimized` and
-            :func:`designed`, any number for others, within the limits of the sequence.
+            Sub-samples of a sample, at least 1, within the limits of the sampler: a power of two for
+            :func:`z`, :func:`optimized`, :func:`designed` and :func:`tiled`, any number for others.
 
         Returns
         -------
-        Sampler
-            Sample ``s * count + k`` is sub-sample k of sample s: coordinates in ``dims`` are those of sample
-            ``s * count + k`` of the finer sampler, the others are, to the bit, those of sample s of this one.
+        Split
+            Sample ``s * count + k`` is sub-sample k of sample s: in ``dims`` sample ``s * count + k`` of the
+            same kind of sampler with ``count`` times as many samples, else, to the bit, sample s of this one.
             It can be split again. :func:`qmcjax.render` splits by names and evaluates what is shared once.
 
         Raises
         ------
         ValueError
-            If there is no such sampler for this count, such as for a net over the whole screen, or for tiles
-            other than those of :func:`designed` for up to 16 samples.
+            If the sampler cannot have so many samples, as a net over the whole screen.
 
         Notes
         -----
-        Each sample is as uniform over keys as without splitting. In two-dimensional nets, the ``2**k``
-        sub-samples of each sample are a net, too; for :func:`z` only if it has a power of four as spp.
+        Coordinates that are split and others are together as uniform over keys as without splitting, and as
+        independent in an image. Tiles of sub-samples have translations and turns of their own, like those of
+        further coordinates. In two-dimensional nets, the ``2**k`` sub-samples of each sample are a net, too;
+        for :func:`z` only if it has a power of four as spp.
 
         References
         ----------
@@ -249,12 +248,11 @@ class Sampler(abc.ABC):
 
 @frozen_pytree
 class Split(Sampler):
-    """Sample s has the split coordinates of sample s of a finer sampler, the others of ``s // count``."""
+    """Sample s has the split coordinates of sample s of ``fine``, the others of sample ``s // count``."""
 
     whole: Sampler
     fine: Sampler
     divided: tuple[int, ...] = field(metadata={"static": True})
-    """The coordinates that have sub-samples."""
     count: int = field(metadata={"static": True})
 
     @property
@@ -265,19 +263,21 @@ class Split(Sampler):
     def limits(self) -> tuple[int, int, int]:
         return self.fine.limits
 
-    def _shares(self, dims: tuple[int, ...]) -> list[tuple[Sampler, tuple[int, ...], int]]:
-        """Return samplers, which of the coordinates they have, and their samples for each of theirs."""
+    def _parts(self, dims: tuple[int, ...]) -> list[tuple[Sampler, tuple[int, ...], int]]:
+        """Return samplers, which of the coordinates they have, and for how many samples."""
         split = tuple(j for j in dims if j in self.divided)
-        kept = tuple(j for j in dims if j not in self.divided)
-        return [each for each in ((self.whole, kept, self.count), (self.fine, split, 1)) if each[1]]
+        kept = tuple(j for j in dims if j not in split)
+        return [part for part in ((self.whole, kept, self.count), (self.fine, split, 1)) if part[1]]
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        return [sampler.prepare(x, y, own) for sampler, own, _ in self._shares(dims)]
+        return [sampler.prepare(x, y, own) for sampler, own, _ in self._parts(dims)]
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        shares = list(zip(self._shares(dims), state, strict=True))
-        parts = [one.points(of, sample // np.uint32(count), own, dtype) for (one, own, count), of in shares]
-        return joined(parts, sum((own for (_, own, _), _ in shares), ()), dims)
+        made, order = [], ()
+        for (sampler, own, count), prepared in zip(self._parts(dims), state, strict=True):
+            made.append(sampler.points(prepared, sample // np.uint32(count), own, dtype))
+            order += own
+        return joined(made, order, dims)
 
     def up_to(self, spp: int) -> "Split":
         whole, fine = self.whole.up_to(-(-spp // self.count)), self.fine.up_to(spp)

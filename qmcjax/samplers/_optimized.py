@@ -135,14 +135,14 @@ class Joint(Contiguous):
         )
 
     def finer(self, count: int) -> "Joint":
-        most = min(MAX_SPP, self.sequence.limit_64 // self.order.length)
         made: Any = self.sequence
+        most = min(MAX_SPP, self.sequence.limit_64 // self.order.length)
         spp = more_samples(self.spp, count, most, powers=True)
-        moving = isinstance(made, InTime)
+        moving = isinstance(self.sequence, InTime)
         # Two maps would make points of samples and sub-samples depend on each other over an image.
         searched = _searched(self.order.length, self.searched, self.dims, moving, spp // self.searched)
-        scrambled = replace(made.sequence, sequence=searched) if moving else searched
-        return replace(self, sequence=replace(made, sequence=scrambled), spp=spp)
+        below = replace(made.sequence, sequence=searched) if moving else searched
+        return replace(self, sequence=replace(made, sequence=below), spp=spp)
 
 
 def joint(width: int, height: int, spp: int, key: Array | int, dims: int, moving: bool) -> Joint:

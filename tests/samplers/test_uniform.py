@@ -85,7 +85,6 @@ LAWS = {
     "z": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, dims=3)),
     "z, tree": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree")),
     "z, frames": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, frames=8).at_frame(5)),
-    "split": (EXACT, lambda key: samplers.contiguous(hilbert(), owen(3, key), SPP // 2).split((1, 2), 2)),
     "z, joint": (EXACT, lambda key: samplers.z(SIDE, SIDE, SPP, key, sequence=owen(3, key))),
 }
 """By sampler: how each sample is uniform on its own, the first one, too; a maker. All together they are."""
@@ -131,7 +130,7 @@ def test_the_table_has_every_sampler():
         for name, made in vars(samplers).items()
         if inspect.isfunction(made) and name not in ("as_sampler", "blue_noise_mask", "function")
     }
-    assert {name.partition(",")[0] for name in LAWS} == makers | {"split"}  # A method of samplers.
+    assert {name.partition(",")[0] for name in LAWS} == makers
 
 
 TILES = {

@@ -138,10 +138,10 @@ def _of_sub_samples(
     """Return the sum over all sub-samples of one sample of a level; what they share is evaluated once."""
     scene, sampler, prepared, pixels = parameters
     if level == len(how.levels):
-        ordered, separate = [given[j] for j in range(len(given))], getattr(scene, "of_coordinates", None)
-        if separate is None:
-            return scene(jnp.stack(ordered, axis=-1))
-        return separate(dict(zip(scene.needs, ordered, strict=True)))
+        named = {name: given[j].ravel() for j, name in enumerate(scene.needs)}
+        separate = getattr(scene, "of_coordinates", None)
+        value = scene(jnp.stack([*named.values()], axis=-1)) if separate is None else separate(named)
+        return value.reshape(*number.shape, *value.shape[1:])
     (dims, count), later = how.levels[level], math.prod(count for _, count in how.levels[level + 1 :])
 
     def of_one(k: Array) -> Array:

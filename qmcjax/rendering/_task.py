@@ -89,14 +89,13 @@ def in_one_pass(
 
     Their product divides ``spp``.
     """
-    if levels:  # Sub-samples of one sample, along axes of their own.
-        return math.prod(count for _, count in levels), 1
     backend = backends.current()
     if backend.coordinates is None:
         unrolled = sampler.unrolled(dims)
     else:
         unrolled = 1 << (max(backend.coordinates // len(dims), 1).bit_length() - 1)
-    batch = math.gcd(spp, unrolled, getattr(scene, "unrolled", 0))
+    own = math.gcd(spp, unrolled, getattr(scene, "unrolled", 0))
+    batch = math.prod(count for _, count in levels) if levels else own
     return batch, max(k for k in range(1, backend.together + 1) if spp // batch % k == 0)
 
 

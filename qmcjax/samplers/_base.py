@@ -175,8 +175,9 @@ class Sampler(abc.ABC):
         -----
         Coordinates that are split and others are together as uniform over keys as without splitting, and as
         independent in an image. Tiles of sub-samples have translations and turns of their own, like those of
-        further coordinates. In two-dimensional nets, the ``2**k`` sub-samples of each sample are a net, too;
-        for :func:`z` only if it has a power of four as spp.
+        further coordinates; :func:`optimized` keeps its map from three dimensions on. In two-dimensional
+        nets, the ``2**k`` sub-samples of each sample are a net, too; for :func:`z` only if it has a power of
+        four as spp.
 
         References
         ----------

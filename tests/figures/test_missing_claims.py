@@ -15,6 +15,7 @@ from analysis import trees
 from figures._errors import rms
 from figures.shared import judged
 from figures.shared.rendered import diffusion, scene_images
+from figures.thesis.chapter_5 import direction_numbers
 from qmcjax import orders, samplers, scenes, sequences
 
 
@@ -425,3 +426,18 @@ def test_a_shift_by_any_offset_moves_points_between_pixels():
     for offset, full in (((5 / 16, 11 / 16), True), ((0.333, 0.71), False)):
         cells = np.floor((net + offset) % 1 * 16).astype(int)
         assert (len(np.unique(cells @ [1, 16])) == 256) == full
+
+
+def test_both_sides_of_figure_5_4_have_the_same_primitive_polynomials():
+    """Thesis Fig. 5.4: powers of x modulo a primitive polynomial of degree s first return to 1 at 2**s - 1."""
+    ones = sequences.direction_numbers(sequences.digital(direction_numbers._ones()))
+    chosen = sequences.direction_numbers(sequences.sobol(direction_numbers.COMPONENTS))
+    assert {number for _, initial in ones for number in initial} == {1}
+    assert [polynomial for polynomial, _ in ones] == [polynomial for polynomial, _ in chosen]
+    for polynomial, initial in ones:
+        power, order = 1, 0
+        while order == 0 or power != 1:
+            power <<= 1
+            power ^= polynomial * (power >> len(initial))
+            order += 1
+        assert order == 2 ** len(initial) - 1, bin(polynomial)

@@ -2,7 +2,7 @@
 
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +43,7 @@ COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
 NOTE = (
     "scenes.soft_shadow stands in for the thesis's car seat behind glass, {side} x {side} pixels and "
     "{spp} samples per pixel: the pixel uses components 0 and 1, the light two consecutive ones, as at "
-    "the end of a path. Polynomials are the same on both sides; the thesis uses Joe and Kuo's initial "
+    "the end of a path. The primitive polynomials are the same on both sides; the thesis uses Joe and Kuo's initial "
     "numbers of 2003, we those of 2008. The sequence runs along a Hilbert curve, or over the screen, "
     "with each pixel taking the points that fall into it; the thesis does not say which. Intervals are "
     "of geometric means over components. 'filtered' is the RMS error after a Gaussian of 1.5 pixels, "
@@ -158,17 +158,10 @@ def _seconds_of_all(log_count: int, turns: int) -> NDArray[np.float64]:
 
 
 def _ones() -> NDArray[np.uint32]:
-    """Return the matrices of all initial m_k = 1, by the primitive polynomials in increasing order."""
-    identity = np.asarray(sequences.sobol(1).matrices)[0]
-    components = (matrix for polynomial in range(3, 2**12, 2) for matrix in _component(polynomial))
-    return np.stack([identity, *(next(components) for _ in range(COMPONENTS - 1))])
-
-
-def _component(polynomial: int) -> Iterator[NDArray[np.uint32]]:
-    try:
-        yield np.asarray(sequences.sobol_matrix(polynomial, np.ones(polynomial.bit_length() - 1, int)))
-    except ValueError:  # not primitive
-        return
+    """Return the matrices of all initial m_k = 1, with Joe and Kuo's polynomials: the primitive ones."""
+    chosen = sequences.direction_numbers(sequences.sobol(COMPONENTS))
+    ones = [(polynomial, [1] * len(initial)) for polynomial, initial in chosen]
+    return np.asarray(sequences.sobol_of(ones).matrices)
 
 
 def _ratio_of_pairs(of: Mapping[str, Sequence[float]]) -> dict[str, float]:

@@ -14,11 +14,13 @@ import analysis
 from figures import plot
 from figures._errors import rms
 from figures._rc import LETTERS
-from figures.making.schema import Claims
+from figures.making.schema import UNDECIDED, Claims, Found
+from figures.shared import judged
 from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, sequences
 
-KEY = 1
+KEY, KEYS = 1, 16
+"""The first key, of images and spectra, and how many keys filtered errors are compared over."""
 SIDE = {"draft": 64, "paper": 256}
 RADIUS, SHARPNESS, CENTRE = 0.4, 10.0, (0.4, 0.55)
 
@@ -39,6 +41,10 @@ def _bump() -> float:
 INTEGRALS = {"x y": 0.25, "disc": np.pi * RADIUS**2, "x + y < 1": 0.5, "bump": _bump()}
 
 
+def _placed(key: int) -> NDArray[np.float64]:
+    return np.roll(np.rot90(samplers.blue_noise_mask(2), key - KEY), 17 * (key - KEY), axis=(0, 1))
+
+
 Measures = dict[str, dict[str, float]]
 """By integrand."""
 
@@ -55,31 +61,31 @@ def _along(order, sequence) -> Method:
     return Method(lambda side, spp: samplers.contiguous(order(side, side), sequence, spp))
 
 
-def methods() -> dict[str, Method]:
-    """Return the methods by name, each as its paper has it."""
+def methods(key: int = KEY) -> dict[str, Method]:
+    """Return the methods by name, each as its paper has it; a mask is placed anew for each key."""
     sobol, halton = sequences.sobol(2), sequences.halton(2)
     dithered = sequences.lattice(2)
     permuted = sequences.halton(3, "faure_lemieux")
     return {
-        "random": _along(orders.raster, sequences.uniform(2, KEY)),
-        "(0,2), xor per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY, "xor")),
-        "(0,2), Owen per pixel": Method(lambda side, spp: samplers.independent(sobol, KEY)),
-        "lattice, rotated": Method(lambda side, spp: samplers.independent(dithered, KEY, "shift")),
+        "random": _along(orders.raster, sequences.uniform(2, key)),
+        "(0,2), xor per pixel": Method(lambda side, spp: samplers.independent(sobol, key, "xor")),
+        "(0,2), Owen per pixel": Method(lambda side, spp: samplers.independent(sobol, key)),
+        "lattice, rotated": Method(lambda side, spp: samplers.independent(dithered, key, "shift")),
         "global Sobol'": Method(
             lambda side, spp: samplers.full_screen(sequences.sobol(4), side, side), dims=(2, 3)
         ),
         "global Halton": Method(
             lambda side, spp: samplers.full_screen(sequences.halton(4), side, side), dims=(2, 3)
         ),
-        "dither, vectors": Method(lambda side, spp: samplers.dither(samplers.blue_noise_mask(2), dithered)),
-        "ranked keys": Method(lambda side, spp: samplers.ranked(2, KEY)),
+        "dither, vectors": Method(lambda side, spp: samplers.dither(_placed(key), dithered)),
+        "ranked keys": Method(lambda side, spp: samplers.ranked(2, key)),
         "Z0": Method(lambda side, spp: samplers.z(side, side, spp, None, "plain")),
-        "Z, hash": Method(lambda side, spp: samplers.z(side, side, spp, KEY)),
-        "Z, tree": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "tree")),
-        "Z, ART": Method(lambda side, spp: samplers.z(side, side, spp, KEY, "art")),
+        "Z, hash": Method(lambda side, spp: samplers.z(side, side, spp, key)),
+        "Z, tree": Method(lambda side, spp: samplers.z(side, side, spp, key, "tree")),
+        "Z, ART": Method(lambda side, spp: samplers.z(side, side, spp, key, "art")),
         "Hilbert, Halton (2,3)": _along(orders.hilbert, halton),
         "Hilbert, Halton (3,5)": _along(orders.hilbert, sequences.components(sequences.halton(3), (1, 2))),
-        "Hilbert, Owen-Sobol'": _along(orders.hilbert, sequences.owen(sobol, KEY)),
+        "Hilbert, Owen-Sobol'": _along(orders.hilbert, sequences.owen(sobol, key)),
         "Moore, Halton (2,3)": _along(orders.moore, halton),
         "Peano, Halton (2,5)": _along(orders.peano, sequences.components(sequences.halton(3), (0, 2))),
         "Hilbert, shifted lattice": Method(
@@ -139,13 +145,22 @@ BINS = 32
 HANDED_OUT = 128
 """Pixels a side, at most, of the images of the slider."""
 
-OPTIMISED = ("dither, vectors", "ranked keys")
+ZERO_TWO = ("(0,2), xor per pixel", "(0,2), Owen per pixel")
+SHIFTS, MASK, RANKED, Z, SCRAMBLED = (
+    "lattice, rotated",
+    "dither, vectors",
+    "ranked keys",
+    "Z, tree",
+    "Hilbert, Owen-Sobol'",
+)
+KEYED = (*ZERO_TWO, SHIFTS, MASK, RANKED, Z, SCRAMBLED)
+ALONG = tuple(name for of in FAMILIES.values() for name in of if name.startswith("Hilbert"))
 
-ALIKE, DIFFUSED = 1.25, 0.5
-"""Up to which factor errors are comparable, and below which power at low frequencies they are diffused."""
+ALIKE = 1.25
+"""Up to which factor filtered errors are comparable."""
 
 LARGE = 64
-"""Samples per pixel from which on optimised keys are said to diffuse errors no more; masks are from 2 on."""
+"""Samples per pixel from which on optimised keys are said to diffuse errors no more."""
 
 NOTE = (
     f"{{side}} x {{side}} pixels, {{counts}} samples per pixel. Each pixel estimates the same integrals "
@@ -154,11 +169,13 @@ NOTE = (
     "error, quarters are flat. Errors are against the exact integrals; power is 1 for white noise, "
     "'low' its radial mean below 1/16 cycle per pixel, 'filtered' the RMS error after a Gaussian of 1.5 "
     "pixels; images are periodic. Global sequences show their dimensions 2 and 3, as 0 and 1 are the "
-    "pixel. Peano's curve fills 3**k x 3**k pixels, of which a part is used. Random samplers use one "
-    "key. At one sample per pixel, segments and the shifted lattice equal contiguous blocks of their "
-    "Halton components."
+    "pixel. Peano's curve fills 3**k x 3**k pixels, of which a part is used. Images and spectra are of "
+    f"one key; filtered errors are compared over {KEYS}, for each of which the mask is turned and moved; "
+    "deterministic methods have the same error for all. At one sample per pixel, segments and the "
+    "shifted lattice equal contiguous blocks of their Halton components."
 )
 
+Errors = dict[str, NDArray[np.float64]]
 Curve = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -171,7 +188,7 @@ def make(
     images = {f"exact: {', '.join(INTEGRALS)}": _quarters(exact)}
     powers: dict[int, dict[str, Curve]] = {}
     measured: dict[str, dict[str, Measures]] = {}
-    claims: Claims = {}
+    errors: dict[int, Errors] = {}
     for done, spp in enumerate(COUNTS, start=1):
         powers[spp], found = {}, {}
         for name, method in methods().items():
@@ -179,7 +196,7 @@ def make(
             powers[spp][name] = _radial_power(image - exact)
             images[f"{name}, {spp} spp"] = _quarters(image)
         measured[f"{spp} spp"] = found
-        claims |= {f"{claim}, at {spp} spp": held for claim, held in _claims(found, spp).items()}
+        errors[spp] = _filtered(side, spp)
         progress(done / len(COUNTS))
     table = [
         {"sampler": name, "spp": spp, "cycles per pixel": float(cycles), "power": float(value)}
@@ -187,10 +204,16 @@ def make(
         for name, curve in of.items()
         for cycles, value in zip(*curve, strict=True)
     ]
+    ratios = {f"filtered errors, {spp} spp": _ratios(of) for spp, of in errors.items()}
+    claims = {
+        f"{claim}, at {spp} spp": held
+        for spp, of in errors.items()
+        for claim, held in _claims(of, errors[1], spp).items()
+    }
     note = NOTE.format(side=side, counts=", ".join(map(str, COUNTS)))
     return (
         _draw(powers, side),
-        {"measured": measured, "claims": claims, "table": table, "note": note},
+        {"measured": measured | ratios, "claims": claims, "table": table, "note": note},
         images,
     )
 
@@ -239,31 +262,66 @@ def _draw(powers: Mapping[int, Mapping[str, Curve]], side: int) -> Figure:
     return figure
 
 
-def _claims(measured: Mapping[str, Measures], spp: int) -> Claims:
-    def least(names: tuple[str, ...], integrand: str) -> float:
-        return min(measured[name][integrand]["filtered error"] for name in names)
+def _filtered(side: int, spp: int) -> Errors:
+    """Return filtered errors, (keys, integrands), of the methods that are compared."""
+    of_keys = [methods(KEY + k) for k in range(KEYS)]
+    found = {}
+    for name in dict.fromkeys((*KEYED, *ALONG)):
+        made = [each[name] for each in (of_keys if name in KEYED else of_keys[:1])]
+        errors = [[of["filtered error"] for of in measure(each, side, spp)[1].values()] for each in made]
+        found[name] = np.broadcast_to(errors, (KEYS, len(INTEGRALS)))
+    return found
 
-    def low(name: str) -> dict[str, float]:
-        return {integrand: of["low-frequency power"] for integrand, of in measured[name].items()}
 
-    def diffuses(what: str, name: str) -> dict[str, dict[str, bool]]:
-        claim = f"{what}: less than half of white noise at low frequencies"
-        return {claim: {integrand: power < DIFFUSED for integrand, power in low(name).items()}}
+def _along_over_optimised(errors: Errors) -> dict[str, NDArray[np.float64]]:
+    """Return logarithms, (keys,), of the mean ratio over integrands to the better of mask and ranked keys."""
+    least = np.minimum(errors[MASK], errors[RANKED])
+    return {name: np.log(errors[name] / least).mean(axis=1) for name in ALONG}
 
-    def fails(what: str, name: str) -> dict[str, dict[str, bool]]:
-        claim = f"{what} no more: at least half of white noise at low frequencies"
-        return {claim: {integrand: power >= DIFFUSED for integrand, power in low(name).items()}}
 
-    along = tuple(name for name in measured if name.startswith("Hilbert"))
-    mask, keys = OPTIMISED
-    return (
-        {
-            "along the Hilbert curve errors are as small from afar as with optimised masks and keys": {
-                integrand: least(along, integrand) < ALIKE * least(OPTIMISED, integrand)
-                for integrand in INTEGRALS
-            }
+def _diffuses(errors: Errors, name: str) -> dict[str, Found]:
+    """Return whether filtered errors are below those of both scramblings of the (0,2)-sequence."""
+    return {
+        integrand: judged.all_of(*(judged.smaller(errors[name][:, k], errors[of][:, k]) for of in ZERO_TWO))
+        for k, integrand in enumerate(INTEGRALS)
+    }
+
+
+def _ratios(errors: Errors) -> dict[str, dict[str, dict[str, float]]]:
+    pairs = [(one, other) for one in (Z, RANKED) for other in ZERO_TWO] + [(MASK, SHIFTS)]
+    logs = _along_over_optimised(errors)
+    return {
+        f"{one} over {other}": {
+            integrand: judged.ratio(errors[one][:, k], errors[other][:, k])
+            for k, integrand in enumerate(INTEGRALS)
         }
-        | (diffuses if spp == 1 else fails)("a mask diffuses errors", mask)
-        | (diffuses if spp < LARGE else fails)("optimised keys diffuse errors", keys)
-        | diffuses("Z diffuses errors", "Z, tree")
-    )
+        for one, other in pairs
+    } | {"over mask or keys": {name: judged.of_logarithms(of)._asdict() for name, of in logs.items()}}
+
+
+def _claims(errors: Errors, single: Errors, spp: int) -> Claims:
+    """Return what holds of the filtered errors of a count; ``single`` are those at one sample per pixel."""
+    claims: Claims = {
+        "along the Hilbert curve errors are as small from afar as with optimised masks and keys": {
+            name: judged.below(logs, float(np.log(ALIKE)))
+            for name, logs in _along_over_optimised(errors).items()
+        },
+        "Z diffuses errors: less filtered error than (0,2)": _diffuses(errors, Z),
+    }
+    now, then = (of[MASK] / of[SHIFTS] for of in (errors, single))
+    if spp == 1:
+        claims["a mask diffuses errors: less filtered error than random shifts"] = {
+            integrand: judged.smaller(now[:, k], np.ones(KEYS)) for k, integrand in enumerate(INTEGRALS)
+        }
+    else:
+        claims["the effect of a mask diminishes: less gain over random shifts than at 1 spp"] = {
+            integrand: judged.smaller(then[:, k], now[:, k]) for k, integrand in enumerate(INTEGRALS)
+        }
+    keys = _diffuses(errors, RANKED)
+    if spp < LARGE:
+        claims["optimised keys diffuse errors: less filtered error than (0,2)"] = keys
+    else:
+        claims["optimised keys diffuse errors no more: not less filtered error than (0,2)"] = {
+            integrand: held if held == UNDECIDED else not held for integrand, held in keys.items()
+        }
+    return claims

@@ -43,8 +43,8 @@ COLORS = {"all initial m = 1": "C1", "Joe and Kuo": "C0"}
 NOTE = (
     "scenes.soft_shadow stands in for the thesis's car seat behind glass, {side} x {side} pixels and "
     "{spp} samples per pixel: the pixel uses components 0 and 1, the light two consecutive ones, as at "
-    "the end of a path. The primitive polynomials are the same on both sides; the thesis uses Joe and Kuo's initial "
-    "numbers of 2003, we those of 2008. The sequence runs along a Hilbert curve, or over the screen, "
+    "the end of a path. Both sides have the same primitive polynomials; the thesis uses Joe and Kuo's "
+    "initial numbers of 2003, we those of 2008. The sequence runs along a Hilbert curve, or over the screen, "
     "with each pixel taking the points that fall into it; the thesis does not say which. Intervals are "
     "of geometric means over components. 'filtered' is the RMS error after a Gaussian of 1.5 pixels, "
     "about what the eye sees. t is that of the first 4096 points of consecutive pairs. Times: 2^{timed} "

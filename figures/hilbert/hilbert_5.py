@@ -35,6 +35,9 @@ FILTERED, SMOOTH, ELSEWHERE = "filtered error", "filtered error where smooth", "
 SHOWN, CROP, BESIDE = (GLOBAL, "shifted lattice", "partitioned"), 64, 800
 """The paper's columns; side of insets, of the table top and back rests; room for the large image."""
 
+SIGMA = 1.5
+"""Of the filter, in pixels."""
+
 SAME = 1.1
 """Up to this factor errors are about the same."""
 
@@ -88,7 +91,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     found = scene_images.compare(scene, side, compared, lambda part: progress(0.5 + 0.5 * part))
     for (spp, name), image in found.items():
         images[f"{name}, {spp} spp"] = image[area]
-        of = diffusion.measures(image, exact, area) | _by_area((image - exact.image)[area], smooth)
+        of = diffusion.measures(image, exact, area) | _by_area(image, exact, area, smooth)
         measured.setdefault(name, {})[f"{spp} spp"] = of
         if name in SHOWN:
             insets[f"{spp} spp"][name] = diffusion.shown(image)[near]
@@ -149,12 +152,23 @@ def _smooth(image: NDArray) -> NDArray[np.bool_]:
     return steep < np.median(steep)
 
 
-def _by_area(error: NDArray, smooth: NDArray[np.bool_]) -> dict[str, Any]:
-    left = ndimage.gaussian_filter(error, (1.5, 1.5, 0), mode="wrap")
+def _by_area(
+    image: NDArray, exact: diffusion.Reference, area: diffusion.Area, smooth: NDArray[np.bool_]
+) -> dict[str, Any]:
+    """Return filtered errors of parts, less the reference's own."""
+    left = ndimage.gaussian_filter((image - exact.image)[area], (SIGMA, SIGMA, 0), mode="wrap")
+    # The square of the filter is, up to its sum, a Gaussian narrower by sqrt(2).
+    noise = ndimage.gaussian_filter(exact.error[area] ** 2, (SIGMA / 2**0.5, SIGMA / 2**0.5, 0), mode="wrap")
+    noise /= 4 * np.pi * SIGMA**2
+
+    def filtered(squares: NDArray, of_noise: NDArray) -> float:
+        return float(np.sqrt(max(np.mean(squares) - np.mean(of_noise), np.mean(of_noise))))
+
+    parts = zip(diffusion.in_parts(left**2), diffusion.in_parts(noise), strict=True)
     return {
-        "filtered error of parts": [rms(part) for part in diffusion.in_parts(left)],
-        SMOOTH: rms(left[smooth]),
-        ELSEWHERE: rms(left[~smooth]),
+        "filtered error of parts": [filtered(*part) for part in parts],
+        SMOOTH: filtered(left[smooth] ** 2, noise[smooth]),
+        ELSEWHERE: filtered(left[~smooth] ** 2, noise[~smooth]),
     }
 
 

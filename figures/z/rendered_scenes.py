@@ -98,12 +98,8 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
 
 
 def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:
-    return {
-        "RMS error": diffusion.rms_error(image, exact),
-        "filtered error": analysis.filtered_error(image, exact.image),
-        "low-frequency power": analysis.low_frequency_power(image, exact.image),
-        "strongest wave": float(analysis.error_spectrum(image, exact.image).max()),
-    }
+    wave = float(analysis.error_spectrum(image, exact.image).max())
+    return diffusion.measures(image, exact) | {"strongest wave": wave}
 
 
 def _claims_9(over_keys: dict[str, dict[str, list[float]]]) -> Claims:

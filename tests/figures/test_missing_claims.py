@@ -1,6 +1,7 @@
 """Sentences of the papers that no figure shows: small computations, and numbers that contradict others."""
 
 import inspect
+from fractions import Fraction
 from itertools import permutations
 from math import comb
 
@@ -167,6 +168,21 @@ def test_repeated_randomisation_averages_out_artifacts():
     for count in (16, 128):
         error = images[:count].mean(axis=0) - 0.5
         assert np.sqrt(np.mean(error**2) * 12 * count) < 2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("spp", [1, 4])
+def test_correlated_samples_have_less_filtered_error_than_independent_ones(spp):
+    """Sect. 6: x y, by blocks of one sequence along the curve and by a scrambling per pixel, 16 keys."""
+    sobol, curve, errors = sequences.sobol(2), orders.hilbert(64, 64), []
+    for key in range(16):
+        along = samplers.contiguous(curve, sequences.owen(sobol, key), spp)
+        for sampler in (along, samplers.independent(sobol, key)):
+            image = analysis.pixel_means(
+                lambda p: p.prod(axis=-1, keepdims=True), sampler, 64, 64, spp, (0, 1)
+            )
+            errors.append(analysis.filtered_error(np.asarray(image[..., 0]), np.full((64, 64), 0.25)))
+    assert judged.smaller(errors[::2], errors[1::2], 0.8) is True
 
 
 def test_long_integers_are_for_the_chinese_remainder_theorem_only():
@@ -429,7 +445,7 @@ def test_a_shift_by_any_offset_moves_points_between_pixels():
 
 
 def test_both_sides_of_figure_5_4_have_the_same_primitive_polynomials():
-    """Thesis Fig. 5.4: powers of x modulo a primitive polynomial of degree s first return to 1 at 2**s - 1."""
+    """Fig. 5.4: powers of x modulo a primitive polynomial of degree s first return to 1 at 2**s - 1."""
     ones = sequences.direction_numbers(sequences.digital(direction_numbers._ones()))
     chosen = sequences.direction_numbers(sequences.sobol(direction_numbers.COMPONENTS))
     assert {number for _, initial in ones for number in initial} == {1}
@@ -441,3 +457,60 @@ def test_both_sides_of_figure_5_4_have_the_same_primitive_polynomials():
             power ^= polynomial * (power >> len(initial))
             order += 1
         assert order == 2 ** len(initial) - 1, bin(polynomial)
+
+
+@pytest.mark.slow
+def test_property_a_holds_for_1111_dimensions():
+    """Sect. 5.2.1: the leading digits of the direction numbers have minors of 1, by elimination in order.
+
+    Modulo 2, they follow the recurrence alone. With all initial numbers 1 it ends after 5 dimensions.
+    """
+    chosen = sequences.direction_numbers(sequences.sobol(1111))
+    assert _dims_of_property_a(chosen) == 1111
+    assert _dims_of_property_a([(polynomial, [1] * len(initial)) for polynomial, initial in chosen]) == 5
+
+
+def _dims_of_property_a(numbers):
+    pivots = [1]  # the van der Corput sequence: only v_1 has the leading digit
+    for dim, (polynomial, initial) in enumerate(numbers, start=1):
+        degree = len(initial)
+        digits = [m >> k & 1 for k, m in enumerate(initial)]
+        taps = [i for i in range(1, degree + 1) if polynomial >> (degree - i) & 1]
+        for k in range(degree, len(numbers) + 1):
+            digits.append(sum(digits[k - i] for i in taps) % 2)
+        row = sum(digit << k for k, digit in enumerate(digits))
+        for k, pivot in enumerate(pivots):
+            row ^= pivot * (row >> k & 1)
+        if not row >> dim & 1:
+            return dim
+        pivots.append(row)
+    return len(pivots)
+
+
+def test_points_in_base_3_are_not_binary_numbers():
+    """Sect. 5.2.2: none but 0 and no digit of it, even in float64."""
+    points = np.asarray(sequences.faure(2, base=3).points(81, dtype=jnp.float64))
+    assert all(Fraction(x) * 81 != round(x * 81) for x in points[points > 0].tolist())
+
+
+@pytest.mark.slow
+def test_no_net_of_matrices_has_the_distance_of_a_permutation_net():
+    """Sect. 5.3.1: x is i / 32, y that of a product L U for it to be a net: all 2**20, on the torus."""
+    index = np.arange(32)
+    below = [(row, column) for row in range(5) for column in range(row)]
+    lower = np.tile(index, (1024, 1))
+    upper = np.tile(index, (1024, 1))
+    for k, (row, column) in enumerate(below):
+        chosen = (np.arange(1024) >> k & 1)[:, None]
+        lower ^= chosen * (index >> column & 1) << row
+        upper ^= chosen * (index >> row & 1) << column
+    mirrored = np.array([int(f"{word:05b}"[::-1], 2) for word in index])
+    largest = 0
+    for table in mirrored[lower]:
+        y = table[upper]
+        least = np.full(1024, 999)
+        for step in range(1, 6):
+            apart = np.abs(y - np.roll(y, step, axis=1))
+            least = np.minimum(least, (step**2 + np.minimum(apart, 32 - apart) ** 2).min(axis=1))
+        largest = max(largest, least.max())
+    assert largest == 29

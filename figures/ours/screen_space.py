@@ -146,14 +146,10 @@ HANDED_OUT = 128
 """Pixels a side, at most, of the images of the slider."""
 
 ZERO_TWO = ("(0,2), xor per pixel", "(0,2), Owen per pixel")
-SHIFTS, MASK, RANKED, Z, SCRAMBLED = (
-    "lattice, rotated",
-    "dither, vectors",
-    "ranked keys",
-    "Z, tree",
-    "Hilbert, Owen-Sobol'",
-)
-KEYED = (*ZERO_TWO, SHIFTS, MASK, RANKED, Z, SCRAMBLED)
+SHIFTS, MASK, RANKED, Z = "lattice, rotated", "dither, vectors", "ranked keys", "Z, tree"
+KEYED = (*ZERO_TWO, SHIFTS, MASK, RANKED, Z, "Hilbert, Owen-Sobol'")
+"""Methods that have a key."""
+
 ALONG = tuple(name for of in FAMILIES.values() for name in of if name.startswith("Hilbert"))
 
 ALIKE = 1.25

@@ -1,6 +1,7 @@
 """Checkpoint files of long computations, from which another process resumes with bit-identical results.
 
-A digest covers arrays, plain values, and the names of types and functions. Versions identify the code of
+A digest covers arrays, plain values, and the names of types and functions, without derived fields (see
+:func:`qmcjax.core.pytrees.as_given`). Versions identify the code of
 qmcjax, JAX, NumPy and SciPy (see :func:`environment`). Other code can change under its name: it is listed as
 foreign and requires a label.
 
@@ -109,7 +110,7 @@ def _contents(value: Any) -> list[Any] | None:
     if isinstance(value, slice):
         return [value.start, value.stop, value.step]
     if is_dataclass(type(value)) and _is_named(type(value)):
-        return [getattr(value, each.name) for each in fields(value)]
+        return [getattr(value, each.name) for each in fields(value) if not each.metadata.get("derived")]
     return None
 
 

@@ -78,6 +78,23 @@ def structure_hash(value: Any) -> int:
     return hash(jax.tree.structure(value))
 
 
+def as_given(value: Any) -> Any:
+    """Return a pytree without what was derived from the rest: None in fields whose metadata says ``derived``.
+
+    Derived numbers depend on the processor: a rounded sum can reverse an order.
+    """
+
+    def derived(part: Any) -> dict[str, None]:
+        known = fields(part) if is_dataclass(type(part)) else ()
+        return {field.name: None for field in known if field.metadata.get("derived")}
+
+    def bare(part: Any) -> Any:
+        names = derived(part)
+        return dataclasses.replace(part, **names) if names else part
+
+    return jax.tree.map(bare, value, is_leaf=lambda part: bool(derived(part)))
+
+
 T = TypeVar("T", bound=type)
 R = TypeVar("R")
 

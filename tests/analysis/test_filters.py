@@ -1,5 +1,8 @@
 """Errors after filters in space and time, and the error that an eye at a distance sees."""
 
+import math
+from fractions import Fraction
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -89,8 +92,9 @@ def test_taps_are_those_of_the_recursion(alpha):
     impulse = np.zeros(len(taps))
     impulse[0] = 1
     np.testing.assert_allclose(taps, lfilter([alpha], [1, alpha - 1], impulse), rtol=1e-10)
-    assert 0 <= 1 - taps.sum() < 1e-13
-    assert len(taps) <= 1 + 37 / alpha
+    # 1 - alpha rounds by 2**-54, each power and product by a few 2**-53 of itself.
+    assert abs(1 - math.fsum(taps)) <= 2**-53 * (0.5 / alpha + 6)
+    assert len(taps) <= 1 + 37 / alpha and Fraction(1 - alpha) ** len(taps) <= Fraction(1, 2**53)
 
 
 @pytest.mark.parametrize(

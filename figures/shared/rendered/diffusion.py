@@ -9,7 +9,6 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,15 +18,13 @@ from figures.making import finished_cells
 from figures.shared.rendered import scene_images
 from qmcjax import samplers, scenes, sequences
 from qmcjax.core.checkpoints import digest
+from qmcjax.scenes import traced
 
 FILE = Path(__file__).with_name("interior_of_two_bounces.npz")
 """The drafts of four figures show it; the package has the reference of six bounces."""
 
 KEPT_SIDE, KEPT_SPP = 128, 16
 """Pixels along a side, and samples per pixel of each randomised image."""
-
-SAME = 1e-5
-"""Numbers that differ by less, relatively or absolutely, are equal: machines round scenes differently."""
 
 
 class Kept(NamedTuple):
@@ -41,11 +38,8 @@ class Kept(NamedTuple):
 
 def find_kept(scene: Any, side: int) -> Kept | None:
     """Return the reference of a scene if it is kept, for an image whose side divides that of the kept one."""
-    image, error, numbers, choices = _read()
-    own, own_choices = _content(scene)
-    if side > len(image) or len(image) % side or own_choices != choices:
-        return None
-    if not np.allclose(own, numbers, rtol=SAME, atol=SAME):
+    image, error, content = _read()
+    if side > len(image) or len(image) % side or not content.matches(traced.content(scene)):
         return None
     step = len(image) // side
     blocks = side, step, side, step, 3
@@ -54,17 +48,10 @@ def find_kept(scene: Any, side: int) -> Kept | None:
 
 
 @cache
-def _read() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float32], str]:
+def _read() -> tuple[NDArray[np.float64], NDArray[np.float64], traced.Content]:
     with np.load(FILE) as kept:
         image, error = (kept[name].astype(np.float64) for name in ("image", "error"))
-        return image, error, kept["numbers"], str(kept["choices"])
-
-
-def _content(scene: Any) -> tuple[NDArray[np.float32], str]:
-    """Return the numbers that a scene is made of, and its name, its coordinates and how many numbers."""
-    arrays = [np.asarray(leaf, np.float32) for leaf in jax.tree.leaves(scene)]
-    choices = repr((getattr(scene, "name", ""), scene.needs, [array.shape for array in arrays]))
-    return np.concatenate([array.ravel() for array in arrays]), choices
+        return image, error, traced.Content(kept["numbers"], str(kept["choices"]))
 
 
 REPLICATES = 16
@@ -186,9 +173,8 @@ def main() -> None:
         for k in range(REPLICATES)
     ]
     image, error, _ = of_replicates(images, "")
-    numbers, choices = _content(scene)
     kept = {"image": image.astype(np.float32), "error": error.astype(np.float16)}
-    np.savez_compressed(FILE, **kept, numbers=numbers, choices=choices)
+    np.savez_compressed(FILE, **kept, **vars(traced.content(scene)))
 
 
 if __name__ == "__main__":

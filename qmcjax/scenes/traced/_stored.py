@@ -13,6 +13,7 @@ from jax.core import Tracer
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
+from qmcjax.core.pytrees import as_given
 
 FOLDER = resources.files("qmcjax.scenes.traced") / "_data"
 """Folder of the images."""
@@ -26,7 +27,7 @@ _STEPS = 8
 
 @dataclass(frozen=True)
 class Content:
-    """The identity of a scene: all its numbers and choices, without class names."""
+    """The identity of a scene: all numbers and choices that it was given, without class names."""
 
     numbers: NDArray[np.float32]
     choices: str
@@ -51,7 +52,8 @@ class Stored(NamedTuple):
 
 
 def content(scene: Any) -> Content:
-    """Return the arrays and static fields of a scene."""
+    """Return the arrays and static fields that a scene was given."""
+    scene = as_given(scene)
     leaves = jax.tree.leaves(scene)
     if any(isinstance(leaf, Tracer) for leaf in leaves):
         raise TypeError(f"scene must be known before tracing, got {checks.shown(scene)}")

@@ -5,6 +5,7 @@ exact, so vertices replaced by hand or by an optimiser are hit at their new posi
 become slower.
 """
 
+from dataclasses import field
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -210,7 +211,7 @@ class Triangles(Shape):
     """(n, 3, 3): triangle, vertex a, b or c, coordinate; when the shutter opens."""
     close: Any
     """(n, 3, 3): when it closes; None for still triangles. Vertices move on straight lines between."""
-    tree: Any = None
+    tree: Any = field(default=None, metadata={"derived": True})
     """A tree over many triangles; None if a loop over all of them is as fast."""
 
     @property

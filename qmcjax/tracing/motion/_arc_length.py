@@ -45,13 +45,13 @@ class ArcLength:
     points: Any
     """(segments + 1, d)."""
 
-    length: float = field(metadata={"static": True})
+    length: float = field(metadata={"static": True, "derived": True})
     """Of the whole curve."""
 
-    bound: float = field(metadata={"static": True})
+    bound: float = field(metadata={"static": True, "derived": True})
     """Maximum distance of a point from that of the curve at the same fraction of its length."""
 
-    pieces: int = field(metadata={"static": True})
+    pieces: int = field(metadata={"static": True, "derived": True})
     """Of the curve, whose lengths are integrated with 16 nodes each."""
 
     def __call__(self, part: ArrayLike) -> Array:

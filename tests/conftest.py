@@ -61,9 +61,9 @@ def pytest_configure(config):
     """Compile as drafts of figures do, and let processes, and later runs, share it: most of the tests' time.
 
     An environment with XLA_FLAGS, if only empty, is left as it is: ``XLA_FLAGS= python -m pytest`` tests what
-    users' programs do.
+    users' programs do. Only with a restricted instruction set first, the others are added.
     """
-    if "XLA_FLAGS" not in os.environ:
+    if os.environ.get("XLA_FLAGS", "--xla_cpu_max_isa").startswith("--xla_cpu_max_isa"):
         compiled_programs.quickly()
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("xla")))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0)

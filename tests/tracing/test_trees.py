@@ -76,6 +76,15 @@ def test_structure(name):
     assert np.all(tree.skip[used:] == used) and np.all(tree.start[used:] == count)
 
 
+@pytest.mark.parametrize("name", SHAPES)
+def test_last_bits_of_coordinates_decide_nothing(name):
+    """They differ between processors, also where triangles mirror each other."""
+    vertices, close = SHAPES[name]
+    last = 2.0**-52 * np.random.default_rng(1).choice([-1, 0, 1], vertices.shape)
+    trees = build_tree(vertices, close), build_tree(vertices * (1 + last), close)
+    assert all(map(np.array_equal, *map(jax.tree.leaves, trees)))
+
+
 def test_what_is_apart_parts_first():
     """Two blobs far from each other part first, however their triangles are shuffled."""
     two = np.concatenate([blob(12, 9), blob(12, 9) * 0.01 + [30, 0, 0]])

@@ -45,6 +45,10 @@ _STEP = 1.0
 """Cost of visiting both children, in triangle tests."""
 
 
+_STEPS = 2.0**30
+"""Steps along a mesh in which the builder takes coordinates."""
+
+
 @frozen_pytree
 class Tree:
     """A binary tree in depth-first order: the children of a node are the next node and that node's skip.
@@ -73,6 +77,8 @@ def build_tree(vertices: Any, close: Any = None) -> Tree:
     """
     middle = vertices if close is None else 0.5 * (np.asarray(vertices) + np.asarray(close))
     corners = np.asarray(middle, np.float64)
+    # In whole numbers, lest last bits of coordinates, which depend on the processor, decide between equals.
+    corners = np.rint((corners - corners.min()) * (_STEPS / np.ptp(corners)))
     return build_box_tree(corners.min(axis=1), corners.max(axis=1), LEAF)
 
 

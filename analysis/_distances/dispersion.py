@@ -165,7 +165,7 @@ def _largest_ball(
     inside = ((centres >= low - _ROUNDING) & (centres <= high + _ROUNDING)).all(axis=1)
     inside &= radii <= margin * (1 + _ROUNDING)
     centres, radii = np.clip(centres[inside], low, high), radii[inside]
-    order = np.argsort(-radii)
+    order = np.argsort(-radii, kind="stable")
     centres, radii = centres[order], radii[order]
     tree = KDTree(copies, balanced_tree=False, compact_nodes=False)
     best, centre, start, count = 0.0, low, 0, _ALIKE

@@ -288,7 +288,7 @@ def many_points_discrepancy(points: Floats, kernel: Kernel) -> float:
     numbers = np.array([*map(float, exact), kernel.rank])
     offset = constant + linear / 2 + bend / 4 + distance / 2 + square / 3
     offsets = float(offset), float(offset - Fraction(float(offset)))
-    order = np.argsort(points[:, 0])
+    order = np.argsort(points[:, 0], kind="stable")
     columns = np.empty((dims, n))
     for j in range(dims):
         np.take(points[:, j], order, out=columns[j], mode="clip")

@@ -40,7 +40,7 @@ def moving_average(alpha: float) -> NDArray[np.float64]:
     -------
     float64 array, shape (frames,)
         For ``time`` of :func:`filtered_error` and of :class:`Filter`. About 37 / alpha frames; the weights of
-        the omitted ones sum to less than 2^-53.
+        the omitted ones sum to at most 2^-53.
 
     Examples
     --------

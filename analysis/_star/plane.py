@@ -68,7 +68,7 @@ def plane_star_discrepancy(points: Floats) -> LocalDiscrepancy:
     # Only evaluated tiles know the box.
     best = LocalDiscrepancy(floor - _MARGIN, np.ones(2), True)
     order = np.flatnonzero(bounds + _MARGIN > best)
-    order = order[np.argsort(-bounds.ravel()[order])]
+    order = order[np.argsort(-bounds.ravel()[order], kind="stable")]
     start, batch = 0, 1
     while start < len(order) and bounds.ravel()[order[start]] + _MARGIN > best:
         i, j = np.divmod(order[start : start + batch], tiles)

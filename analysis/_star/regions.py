@@ -60,7 +60,7 @@ def refine(grid: CriticalGrid, lower: float, regions: int) -> tuple[float, float
     examined = 1
     while len(upper) and examined < regions:
         count = min((len(upper) + 1) // 2, (regions - examined + 1) // 2)
-        order = np.argpartition(-upper, count - 1)
+        order = np.argsort(-upper, kind="stable")
         rest = order[count:]
         parts = [(low[rest], high[rest], upper[rest])]
         batch = max(1, min(_BATCH, _CELLS // grid.n) // 2)
@@ -232,7 +232,7 @@ def threshold_accepting(grid: CriticalGrid, generator: np.random.Generator) -> L
         corners, values = np.where(accepted[:, None], moved, corners), np.where(accepted, new, values)
         better = values > best_values
         best[better], best_values[better] = corners[better], values[better]
-    return climb(grid, best[np.argsort(-best_values)[:_CLIMBERS]])
+    return climb(grid, best[np.argsort(-best_values, kind="stable")[:_CLIMBERS]])
 
 
 def _neighbours(

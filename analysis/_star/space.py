@@ -65,7 +65,7 @@ def space_star_discrepancy(points: Doubles, lower: float) -> tuple[float, float]
     upper = bounds.tile.ravel().astype(np.float64) / n + _MARGIN
     tiles = np.flatnonzero(upper > best)
     boxes = 0
-    for tile in tiles[np.argsort(-upper[tiles])]:
+    for tile in tiles[np.argsort(-upper[tiles], kind="stable")]:
         if upper[tile] <= best:
             break
         if boxes > _BOXES:

@@ -214,7 +214,7 @@ def _split_ahead(low: NDArray, high: NDArray) -> NDArray[np.int64]:
     def build(boxes: NDArray[np.int64]) -> int:
         if len(boxes) == 1:
             return int(boxes[0])
-        order = np.argsort(low[boxes] + high[boxes], axis=0).T
+        order = np.argsort(low[boxes] + high[boxes], axis=0, kind="stable").T
         splits = [(row[:j], row[j:]) for row in boxes[order] for j in range(1, len(boxes))]
         bounds = [sum(_bound(low[part], high[part]) for part in split) for split in splits]
         one, other = splits[int(np.argmin(bounds))]
@@ -230,7 +230,7 @@ def _bound(low: NDArray, high: NDArray) -> float:
     count = len(low)
     if count == 1:
         return float(trees.surface_area(low[0], high[0]))
-    order = np.argsort(low + high, axis=0).T
+    order = np.argsort(low + high, axis=0, kind="stable").T
     areas = []
     for rows in (order, order[:, ::-1]):
         first, last = np.minimum.accumulate(low[rows], axis=1), np.maximum.accumulate(high[rows], axis=1)

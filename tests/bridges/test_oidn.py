@@ -44,12 +44,59 @@ def test_equal_to_the_library(seed):
     np.testing.assert_allclose(found, expected, rtol=0, atol=TOLERANCE * expected.max())
 
 
+LIGHT = np.random.default_rng(0).lognormal(0, 0.5, (12, 18, 3)).astype(np.float32)
+FEW = np.arange(12 * 18).reshape(12, 18, 1) == 5
+EDGES = {
+    "black": 0 * LIGHT,
+    "all NaN": np.nan * LIGHT,
+    "all negative": -LIGHT,
+    "negative infinity": np.where(FEW, -np.inf, LIGHT),
+    "a NaN": np.where(FEW, np.nan, LIGHT),
+    "subnormal": np.float32(1e-44) * LIGHT,
+    "around the least that counts": np.float32(1e-8) * LIGHT,
+    "one lit pixel": np.where(FEW, 1, 0 * LIGHT),
+    "one huge pixel": np.where(FEW, 9e29, LIGHT),
+    "all huge": np.float32(1e29) * LIGHT,
+}
+BEYOND = {
+    "one infinite pixel": np.where(FEW, np.inf, LIGHT),
+    "one infinite channel": np.where(FEW & (np.arange(3) == 1), np.inf, LIGHT),
+    "the largest pixel": np.where(FEW, np.finfo(np.float32).max, LIGHT),
+    "nearly an overflow": np.float32(1e36) * LIGHT,
+    "the sum of a bin overflows": np.where(np.arange(18)[:, None] < 2, np.float32(1e38), LIGHT),
+    "all sums overflow": np.full_like(LIGHT, 1e38),
+    "all infinite": np.full_like(LIGHT, np.inf),
+}
+
+
 @installed
-def test_black_is_black():
+def test_edges_are_those_of_the_library():
+    """In a compiled batch; one by one, or an error that names the pixel."""
     pyoidn = pytest.importorskip("pyoidn")
-    black = np.zeros((5, 20, 3), np.float32)
-    found = np.asarray(oidn.denoiser()(black))
-    np.testing.assert_allclose(found, pyoidn.denoise(black, hdr=True), atol=1e-6)
+    denoise, given = oidn.denoiser(), np.float32([*EDGES.values(), *BEYOND.values()])
+    expected = np.stack([pyoidn.denoise(image, hdr=True) for image in given])
+    found = np.asarray(jax.jit(jax.vmap(denoise))(given))
+    assert np.isfinite(expected).all()
+    for name, image, one, wanted in zip((*EDGES, *BEYOND), given, found, expected, strict=True):
+        digits = 1e-5 if name in EDGES else 1e-4
+        allowed = digits * wanted.max() + 1e-10
+        np.testing.assert_allclose(one, wanted, rtol=0, atol=allowed, err_msg=name)
+        if name in EDGES:
+            np.testing.assert_allclose(denoise(image), wanted, rtol=0, atol=allowed, err_msg=name)
+        else:
+            row, column = np.argwhere(image > 1e30)[0, :2]
+            with pytest.raises(ValueError, match=rf"at most 1e\+30, got .* in pixel \[{row}, {column}\]"):
+                denoise(image)
+    bounded = oidn.denoiser(hdr=False)(given[-1])
+    np.testing.assert_allclose(bounded, pyoidn.denoise(given[-1], hdr=False), rtol=0, atol=TOLERANCE)
+
+
+@installed
+@pytest.mark.slow
+def test_edges_have_finite_derivatives():
+    denoise = oidn.denoiser()
+    slopes = jax.vmap(jax.grad(lambda image: denoise(image).mean()))
+    assert np.isfinite(slopes(np.float32([*EDGES.values(), *BEYOND.values()]))).all()
 
 
 @installed

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from qmcjax.bridges.oidn._weights import Weights, networks
@@ -21,6 +22,11 @@ _ALIGNMENT = 16
 
 _BIN, _KEY, _DARK = 16, 0.18, 1e-8
 """Of the exposure: the largest side of a bin of pixels, the mean that is aimed at, and what is left out."""
+
+_MOST = float(np.finfo(np.float32).max)
+
+_BRIGHTEST = 1e30
+"""Of a known image; beyond, errors of float32 exceed 1e-5, and sums of pixels may overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +44,9 @@ class Denoiser:
         Parameters
         ----------
         image : float ArrayLike, shape (height, width, 3)
-            Linear light, of any size. NaN and negative values count as zero, as in the library.
+            Linear light, of any size. NaN and negative values count as zero, as in the library. Traced images
+            may also exceed 1e30: as in the library, infinite values are then the largest of float32, and if
+            the sum of 16 x 16 pixels overflows, all is black.
         albedo : float ArrayLike, shape of ``image``, optional
             Albedo of the surfaces that are seen, in [0, 1].
         normal : float ArrayLike, shape of ``image``, optional
@@ -47,6 +55,11 @@ class Denoiser:
         Returns
         -------
         float32 Array, shape of ``image``
+
+        Raises
+        ------
+        ValueError
+            If values are unbounded and one of a known image exceeds 1e30; the message names the pixel.
         """
         given = {"image": image, "albedo": albedo, "normal": normal}
         if albedo is None and normal is not None:
@@ -57,6 +70,13 @@ class Denoiser:
                 raise ValueError(
                     f"{name} must have the shape of image, {images['image'].shape}, got {each.shape}"
                 )
+        if self.hdr and not isinstance(images["image"], Tracer):
+            bad = np.argwhere(np.asarray(images["image"]) > _BRIGHTEST)
+            if len(bad):
+                row, column = bad[0, :2].tolist()
+                value = images["image"][tuple(bad[0])]
+                where = f"{value} in pixel [{row}, {column}]"
+                raise ValueError(f"image must be at most {_BRIGHTEST:g}, got {where}")
         return _denoise(self.networks[len(images) - 1], *images.values(), hdr=self.hdr)
 
 
@@ -108,31 +128,46 @@ def _checked(name: str, value: Any) -> Array:
 @partial(jax.jit, static_argnames="hdr")
 def _denoise(weights: Weights, color: Array, *auxiliary: Array, hdr: bool) -> Array:
     height, width, _ = color.shape
-    light = jnp.clip(_not_nan(color), 0, np.finfo(np.float32).max)
-    scale = _exposure(light) if hdr else jnp.float32(1)
-    to_network, to_light = (_log_encode, _log_decode) if hdr else (_srgb_encode, _srgb_decode)
-    inputs = [to_network(jnp.minimum(light * scale, np.finfo(np.float32).max if hdr else 1))]
+    light = jnp.clip(_not_nan(color), 0, _MOST)
+    to_network, to_light, most = (
+        (_log_encode, _log_decode, _MOST) if hdr else (_srgb_encode, _srgb_decode, 1.0)
+    )
+    stops, visible = _exposure(light) if hdr else (jnp.float32(0), True)
+    fixed = jax.lax.stop_gradient(stops)
+    # 1, with the derivatives of the exposure: those of a product with a small factor may overflow.
+    change = jnp.exp2(stops - fixed)
+    scaled = jnp.minimum(light * jnp.exp2(fixed) * change, most)
+    # The library cuts infinite values off after it scales them.
+    inputs = [to_network(jnp.where(visible, jnp.where(jnp.isposinf(color), most, scaled), 0))]
     for each, low in zip(auxiliary, (0, -1), strict=False):
         inputs.append((jnp.clip(_not_nan(each), low, 1) - low) / (1 - low))
     padding = ((0, -height % _ALIGNMENT), (0, -width % _ALIGNMENT), (0, 0))
     output = _network(weights, jnp.pad(jnp.concatenate(inputs, -1), padding)[None])[0, :height, :width]
     output = to_light(jnp.maximum(_not_nan(output), 0))
-    return output / scale if hdr else jnp.minimum(output, 1)
+    if not hdr:
+        return jnp.minimum(output, 1)
+    return jnp.where(visible, output / change * jnp.exp2(-fixed), 0)
 
 
 def _not_nan(x: Array) -> Array:
     return jnp.where(jnp.isnan(x), 0, x)
 
 
-def _exposure(light: Array) -> Array:
-    """Return the factor that makes the geometric mean of the luminance of bins of pixels 0.18."""
+def _exposure(light: Array) -> tuple[Array, Array]:
+    """Return the log2 of the factor to a geometric mean of 0.18, of the luminance of bins of pixels.
+
+    And whether it is not 0: as in the library, it is 0 if the sum of a bin overflows, or if it is subnormal.
+    """
     luminance = light @ jnp.array([0.212671, 0.715160, 0.072169], jnp.float32)
     rows, columns = map(_means, luminance.shape)
     bins = jnp.matmul(jnp.matmul(rows, luminance, precision="highest"), columns.T, precision="highest")
+    pixels = 1 / (rows.max(1)[:, None] * columns.max(1)[None])
     counted = bins > _DARK
     logarithms = jnp.where(counted, jnp.log2(jnp.where(counted, bins, 1)), 0)
     mean = logarithms.sum() / jnp.maximum(counted.sum(dtype=jnp.float32), 1)
-    return jnp.where(counted.any(), _KEY / jnp.exp2(mean), 1)
+    stops = jnp.where(counted.any(), np.log2(_KEY) - mean, 0)
+    visible = (bins <= _MOST / pixels).all() & (stops >= np.log2(np.finfo(np.float32).tiny))
+    return jnp.where(visible, stops, 0), visible
 
 
 def _means(side: int) -> Array:

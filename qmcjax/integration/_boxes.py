@@ -26,7 +26,9 @@ class Bounded:
     """Whether the ends are infinite, for each dimension."""
     function: Any
     ends: Any
-    """Shape (dims, 2); anything in the place of infinite ones."""
+    """Shape (2, dims, 2): ends, 0 in the place of infinite ones, and what rounding left of them."""
+    volume: Any
+    """Of the finite sides, from float64; None if ends are traced."""
 
     def __call__(self, points: Array) -> Any:
         places, slopes = self._mapped(points)
@@ -38,15 +40,18 @@ class Bounded:
 
     def _mapped(self, points: Array) -> tuple[Array, list[Array]]:
         """Return points of the box, and the finite factors of the derivative."""
-        ends = jnp.asarray(self.ends).astype(points.dtype)
-        low, high = ends[None, :, 0], ends[None, :, 1]
+        (low, high), (low_rest, high_rest) = jnp.asarray(self.ends).astype(points.dtype).transpose(0, 2, 1)
         from_low, from_high = np.asarray(self.infinite).T
         finite = ~(from_low | from_high)
-        places = low + (high - low) * points
-        places = jnp.where(places > high, high, places)  # by rounding
-        volume = jnp.prod((high - low)[:, finite], axis=1)
+        width, width_rest = _sum(high, -low)
+        width, width_rest = _sum(width, width_rest + (high_rest - low_rest))
+        places, rest = _sum(low[None], width[None] * points)
+        places = places + (rest + (low_rest[None] + width_rest[None] * points))
+        places = jnp.where(places > high[None], high[None], places)  # by rounding
+        volume = jnp.prod(width[finite]) if self.volume is None else self.volume.astype(points.dtype)
+        low, high = low[None], high[None]
         if finite.all():
-            return places, [volume]
+            return places, [volume[None]]
         # As in warps.normal, 0 is replaced by the centre of the cell of points rounded down to it.
         cell = 2.0**-24 if points.dtype == jnp.float32 else 2.0**-32
         points = jnp.where(points < cell / 2, cell / 2, points)
@@ -57,7 +62,14 @@ class Bounded:
         places = jnp.where(both[None], (above - below) / 2, places)
         slopes = jnp.where(left[None], below * below, above * above)
         slopes = jnp.where(both[None], (above * above + below * below) / 2, slopes)
-        return places, [volume, *(slopes[:, j] for j in np.flatnonzero(~finite))]
+        return places, [volume[None], *(slopes[:, j] for j in np.flatnonzero(~finite))]
+
+
+def _sum(one: Array, other: Array) -> tuple[Array, Array]:
+    """Return a sum and its rounding error (D. Knuth)."""
+    total = one + other
+    added = total - one
+    return total, (one - (total - added)) + (other - added)
 
 
 def _times(values: Any, factors: list[Array]) -> Any:
@@ -75,8 +87,12 @@ def _times(values: Any, factors: list[Array]) -> Any:
     return made
 
 
-def over_box(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bounded, float]:
-    """Return a function of the unit cube, and the volume of the box: infinite, or NaN if it is traced."""
+def over_box(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bounded, float, Any]:
+    """Return a function of the unit cube, the volume of the box, and how far rounding moves places.
+
+    The volume is infinite if that of the box is, or NaN if it is traced. Shape (dims,): largest distances, in
+    parts of the side, or of 1 if that is infinite.
+    """
     function = plug_ins.wrap("function", function)
     leaves = jax.tree.leaves(bounds)
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
@@ -84,21 +100,31 @@ def over_box(function: Any, bounds: Any, dims: int, dtype: np.dtype) -> tuple[Bo
     if ends.shape not in ((2,), (dims, 2)):
         wanted = f"bounds must be (low, high), or such a pair for each of {dims} dimensions"
         raise ValueError(f"{wanted}, got shape {ends.shape}")
-    if traced:
-        if any(np.isinf(leaf).any() for leaf in leaves if not isinstance(leaf, Tracer)):
-            raise ValueError(f"bounds must be known or finite, got {checks.shown(bounds)}")
-        return Bounded(((False, False),) * dims, function, jnp.broadcast_to(ends, (dims, 2))), math.nan
-    ends = np.broadcast_to(ends, (dims, 2))
-    for dim, (low, high) in enumerate(ends.tolist()):
+    xp: Any = jnp if traced else np
+    ends = xp.broadcast_to(ends, (dims, 2))
+    if traced and any(np.isinf(leaf).any() for leaf in leaves if not isinstance(leaf, Tracer)):
+        raise ValueError(f"bounds must be known or finite, got {checks.shown(bounds)}")
+    for dim, (low, high) in enumerate([] if traced else ends.tolist()):
         if not low < high or low == math.inf or high == -math.inf:
             raise ValueError(f"bounds must have low < high, got ({low}, {high}) in dimension {dim}")
-    infinite = np.isinf(ends)
-    with np.errstate(over="ignore", under="ignore"):
-        kept = np.where(infinite, 0, ends).astype(dtype)
-        volume = float(np.prod(np.diff(kept, axis=1)[~infinite.any(axis=1)], dtype=dtype))
-    if not np.isfinite(kept).all() or not np.finfo(dtype).tiny <= volume < math.inf:
+    infinite = np.zeros(ends.shape, bool) if traced else np.isinf(ends)
+    kept = xp.where(infinite, 0, ends)
+    widths = xp.where(infinite.any(1), 1, kept[:, 1] - kept[:, 0])
+    moved = float(jnp.finfo(dtype).eps) / 2 * xp.abs(kept).max(1) / widths
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        heads = kept.astype(min(dtype, kept.dtype, key=lambda each: each.itemsize))
+        pairs = xp.stack([heads, (kept - heads.astype(kept.dtype)).astype(heads.dtype)])
+        volume = None if traced else np.prod(widths).astype(dtype)
+    pattern = tuple((low, high) for low, high in infinite.tolist())
+    bounded = Bounded(pattern, function, pairs, volume)
+    if volume is None:
+        return bounded, math.nan, jax.lax.stop_gradient(moved)
+    apart = infinite.any(1) | (heads[:, 0] < heads[:, 1])
+    kinds = np.finfo(dtype)
+    if not (
+        apart.all() and max(abs(heads).max(), widths.max()) <= kinds.max and kinds.tiny <= volume < math.inf
+    ):
         raise ValueError(
             f"bounds must have ends and a volume that {dtype} can tell apart, got {ends.tolist()}"
         )
-    pattern = tuple((low, high) for low, high in infinite.tolist())
-    return Bounded(pattern, function, kept), math.inf if infinite.any() else volume
+    return bounded, math.inf if infinite.any() else float(np.prod(widths)), moved

@@ -44,7 +44,11 @@ class Estimate(NamedTuple):
     tolerance: float | None = None
     """The requested tolerance."""
     level: float = 0.95
-    """Level of the interval that is compared with the tolerance."""
+    """Level of the interval that is compared with the tolerance, of each number."""
+    tail: Any = 0.0
+    """Tail index c: values above v have a probability like v**(-1 / c); 0 if light, or values are traced."""
+    displacement: Any = 0.0
+    """How far rounding moves points of ``bounds``, as a part of the side; of 1 if that is infinite."""
 
     @property
     def reached(self) -> bool | None:
@@ -63,13 +67,17 @@ class Estimate(NamedTuple):
             return self._doubt()
         state = "was reached" if self.reached else "was not reached"
         why = self._doubt() or f"the half width is {self._half_width():g}"
+        rounding = max(float(part.max(initial=0)) for part in _parts(self.rounding))
+        if rounding > self.tolerance:
+            why += f", of which rounding makes {rounding:g}"
         return f"tolerance={self.tolerance:g} {state} with n={self.n}: {why}"
 
     def interval(self, level: float = 0.95) -> tuple[Any, Any]:
         """Return a confidence interval of the integral, widened by ``rounding``.
 
-        Its kind is that passed to :func:`integrate`. A RuntimeWarning is emitted if all values are equal and
-        have no ``limits``: a rare event may have been missed, and ``reached`` is False.
+        Its kind is that passed to :func:`integrate`. The level is that of each number; k numbers are in their
+        intervals together with a probability of at least 1 - k (1 - level). A RuntimeWarning is emitted if
+        the interval is unreliable, see ``reason``; ``reached`` is then False.
 
         Parameters
         ----------
@@ -118,18 +126,27 @@ class Estimate(NamedTuple):
     def _doubt(self) -> str | None:
         if self._traced():
             return None
-        leaves: list[Any] = [np.asarray(leaf) for leaf in jax.tree.leaves(self.unseen)]
-        parts = [part for each in leaves for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
+        parts = _parts(self.unseen)
         still, count = sum(np.count_nonzero(np.isinf(part)) for part in parts), self.n * self.replicates
-        if not still:
-            return None
-        of = sum(part.size for part in parts)
-        where = "" if of == 1 else f" of {still} of the function's {of} numbers"
-        missed = _most_unseen(self.replicates, self.level) / count
-        return (
-            f"all {count} values seen{where} are equal, and an event with a probability below "
-            f"{missed:.2g} may have been missed: pass limits, or more points"
-        )
+        if still:
+            of = sum(part.size for part in parts)
+            where = "" if of == 1 else f" of {still} of the function's {of} numbers"
+            missed = _most_unseen(self.replicates, self.level) / count
+            return (
+                f"all {count} values seen{where} are equal, and an event with a probability below "
+                f"{missed:.2g} may have been missed: pass limits, or more points"
+            )
+        places = 0.5 / max(float(self.displacement), _LEAST)
+        if places < _PLACES:
+            return (
+                f"points have about {places:.2g} different places along a side of bounds: "
+                "pass a wider dtype, or move the origin"
+            )
+        tail = max(float(part.max(initial=0)) for part in _parts(self.tail))
+        least, advice = self._heavy
+        return f"values are heavy-tailed (index {tail:.2g}): {advice}" if tail > least else None
+
+    _heavy = 0.2, 'interval="quantile" is more reliable, or another variable of integration'
 
 
 class QuantileEstimate(Estimate):
@@ -153,6 +170,8 @@ class QuantileEstimate(Estimate):
         more = max(_most_unseen(self.replicates, level), self.replicates) * unseen
         return low - more, high + more
 
+    _heavy = 0.5, "medians of means are far from the integral, choose another variable of integration"
+
 
 class BettingEstimate(Estimate):
     __slots__ = ()
@@ -167,12 +186,17 @@ class BettingEstimate(Estimate):
         low, high = _intervals.betting_interval(unit, level, xp)
         return least + (most - least) * low, least + (most - least) * high
 
+    _heavy = math.inf, ""
+
 
 _LEAST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
 """Added to the magnitude of values, since processors may flush subnormal numbers to 0."""
 
 _FEW = 256
 """Number of values of which at least half are distinct, unless a function takes few values (counts)."""
+
+_PLACES = 1024
+"""Number of places along a side from which intervals are reliable."""
 
 _COUNTED = 3
 """Weight of the squared unseen part in the squared standard error."""
@@ -238,11 +262,13 @@ _FIRST = 1024
 """Points per replicate before an interval is first compared with a tolerance."""
 
 _ERROR = 0.05
-"""Probability that any of these intervals misses the integral."""
+"""Probability that any of these intervals misses the integral of any number."""
 
 
-def doublings(tolerance: Any, n: int, replicates: int | None, kind: str) -> tuple[list[int], float]:
-    """Return the numbers of points at which to compare an interval with a tolerance, and its level."""
+def doublings(
+    tolerance: Any, n: int, replicates: int | None, kind: str, numbers: int
+) -> tuple[list[int], float]:
+    """Return the numbers of points at which to compare intervals with a tolerance, and the level of each."""
     checks.positive("tolerance", tolerance)
     if isinstance(tolerance, Tracer) or np.ndim(tolerance):
         raise TypeError(f"tolerance must be a number, got {checks.shown(tolerance)}")
@@ -251,10 +277,11 @@ def doublings(tolerance: Any, n: int, replicates: int | None, kind: str) -> tupl
     sizes = [min(n, _FIRST)]
     while 2 * sizes[-1] <= n and n > _FIRST:
         sizes.append(2 * sizes[-1])
-    level = 1 - _ERROR / len(sizes)
+    level = 1 - _ERROR / (len(sizes) * numbers)
     if KINDS[kind] is QuantileEstimate and not _intervals.rank(replicates, level):
         least = math.ceil(1 - math.log2(1 - level))
-        raise ValueError(f"replicates must be at least {least} for a tolerance, got {replicates}")
+        of = f" of {numbers} numbers" if numbers > 1 else ""
+        raise ValueError(f"replicates must be at least {least} for a tolerance{of}, got {replicates}")
     return sizes, level
 
 
@@ -264,6 +291,12 @@ def _level(level: Any) -> float:
     if not 0 < level < 1:
         raise ValueError(f"level must be a number in (0, 1), got {level!r}")
     return float(level)
+
+
+def _parts(tree: Any) -> list[Any]:
+    """Return the leaves, with real and imaginary parts separately."""
+    leaves: list[Any] = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
+    return [part for each in leaves for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
 
 
 def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]:
@@ -306,12 +339,15 @@ def estimate(
     limits: tuple[float, float] | None,
     tolerance: float | None,
     level: float,
+    moved: Any,
 ) -> Estimate:
     """Return the mean or median of replicates, the standard error, and the rounding error.
 
-    ``some``: columns of a few values; ``spread``: range of the observed values, shape (columns,).
+    ``some``: columns of a few values; ``spread``: range of the observed values, shape (columns,); ``moved``:
+    how far rounding moves points along each side, shape (dims,).
     """
     known = not any(isinstance(each, Tracer) for each in (*found, some))
+    spread = np.asarray(spread) if known else spread
     reach: Any = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
     made_of = (_compiled_columns if known else _columns)(
         tuple(found), some, spread, reach, n, KINDS[kind] is QuantileEstimate
@@ -322,21 +358,23 @@ def estimate(
     def values(columns: Any) -> Any:
         return of_columns(columns, wide, np.dtype(np.float64))
 
-    def rounding(leaf: Any, magnitude: Array) -> Array:
+    def rounding(leaf: Any, magnitude: Array, spread: Array) -> Array:
         types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
-        return magnitude * max(float(jnp.finfo(each).eps) for each in types)
+        return magnitude * max(float(jnp.finfo(each).eps) for each in types) + spread * moved.sum()
 
     made = KINDS[kind](
         values(middle),
         values(error),
         len(found),
-        jax.tree.map(rounding, like, values(magnitude)),
+        jax.tree.map(rounding, like, values(magnitude), values(spread)),
         values(means),
         n,
         values(unseen),
         limits,
         tolerance,
         level,
+        values(_intervals.tail_index(np.asarray(some)) if known else np.zeros(spread.shape)),
+        moved.max(),
     )
     if limits is not None:
         _check_means(means, made, limits)

@@ -22,7 +22,15 @@ from qmcjax.integration._estimate import (
     limits_of_integral,
     validate_limits,
 )
-from qmcjax.integration._means import ROWS, mean_of, prepare, refuse_infinite, some_values, value_range
+from qmcjax.integration._means import (
+    ROWS,
+    columns,
+    mean_of,
+    prepare,
+    refuse_infinite,
+    some_values,
+    value_range,
+)
 from qmcjax.sequences import (
     Sequence,
     as_sequence,
@@ -248,19 +256,21 @@ def integrate(
         replicates = checks.integer("replicates", replicates, 2, 2**16)
         keys = draws.split(checks.prng_key("key", key), replicates)
         copies = [randomise(sequence, each, kind) for each in keys]
-    sizes, level = [n], 0.95
-    if tolerance is not None:
-        sizes, level = doublings(tolerance, n, replicates, kind)
-        if is_traced((function, copies)):
-            raise TypeError("tolerance must be None where the function or the sequence is traced")
+    if tolerance is not None and is_traced((function, copies)):
+        raise TypeError("tolerance must be None where the function or the sequence is traced")
     mesh = devices.validate_mesh(mesh)
+    moved: Any = np.zeros(1)
     if bounds is not None:
-        function, volume = over_box(function, bounds, sequence.dims, dtype)
+        function, volume, moved = over_box(function, bounds, sequence.dims, dtype)
         if limits is not None:
             limits = limits_of_integral(limits, volume)
     with checks.precision(dtype):
         function, like = prepare(function, sequence.dims, dtype)
         wide = jnp.result_type(float) == jnp.float64
+    sizes, level = [n], 0.95
+    if tolerance is not None:
+        numbers = jax.eval_shape(lambda made: columns(made, dtype), like).shape[1]
+        sizes, level = doublings(tolerance, n, replicates, kind, numbers)
     replicated = replicates is not None
     with checks.precision(jnp.float64 if replicated else dtype):
 
@@ -286,7 +296,9 @@ def integrate(
         if not replicated:
             return found[0]
         how = dtype, replicated, wide
-        _, some = some_values(function, copies[0], jnp.uint32(start), min(sizes[0], ROWS), *how)
+        few = copies[:_SHOWN]
+        count = min(sizes[0], -(-ROWS // len(few)))
+        some = jnp.concatenate([some_values(function, c, jnp.uint32(start), count, *how)[1] for c in few])
         some = jax.lax.stop_gradient(some)
         spread = jnp.ptp(some, axis=0)
 
@@ -294,7 +306,7 @@ def integrate(
             nonlocal spread
             if limits is None:
                 spread = value_range(spread, some, found, function, copies, start, size, *how)
-            return estimate(found, some, spread, like, size, dtype, kind, limits, tolerance, level)
+            return estimate(found, some, spread, like, size, dtype, kind, limits, tolerance, level, moved)
 
         made = made_of(sizes[0])
         for size in sizes[1:]:
@@ -306,6 +318,10 @@ def integrate(
         if tolerance is not None and not made.reached:
             warnings.warn(str(made.reason), RuntimeWarning, stacklevel=2)
         return made
+
+
+_SHOWN = 16
+"""Number of replicates whose first values give magnitudes and tails."""
 
 
 def randomise(sequence: Sequence, key: Array, kind: str = "student") -> Sequence:

@@ -9,6 +9,8 @@ References
 ----------
 .. [1] I. Waudby-Smith, A. Ramdas, "Estimating Means of Bounded Random Variables by Betting", J. R. Stat. Soc.
    B 86, 2024.
+.. [2] J. R. M. Hosking, J. R. Wallis, "Parameter and Quantile Estimation for the Generalized Pareto
+   Distribution", Technometrics 29, 1987.
 """
 
 import math
@@ -81,3 +83,31 @@ def rank_interval(values: NDArray, level: float) -> tuple[NDArray, NDArray]:
     place = rank(len(values), level)
     ordered = np.sort(values, axis=0)
     return ordered[place - 1], ordered[len(values) - place]
+
+
+def tail_index(values: NDArray) -> NDArray:
+    """Return the index of the heavier tail of each column, shape (count, columns), or 0.
+
+    For an index c, values above v have a probability like v**(-1 / c). Their excesses over a large value are
+    generalised Pareto, which gives c by L-moments [2]_: of the 32 and the 128 largest of 4096 values, and the
+    lesser index, since narrow peaks look heavy from afar. 0 for fewer than 512 values, and if at most half of
+    the largest are distinct (counts).
+    """
+    found = np.zeros(values.shape[1])
+    most = min(len(values) // 16, 128)
+    if most < 32:
+        return found
+    for side in (values, -values):
+        largest = np.sort(np.partition(side, -most - 1, axis=0)[-most - 1 :], axis=0)
+        indices = [_pareto_index(largest[-count - 1 :]) for count in (max(most // 4, 16), most)]
+        found = np.maximum(found, np.minimum(*indices))
+    return found
+
+
+def _pareto_index(ordered: NDArray) -> NDArray:
+    excesses = ordered[1:] - ordered[0]
+    count = len(excesses)
+    distinct = np.count_nonzero(np.diff(ordered, axis=0), axis=0) > count // 2
+    weights = (2 * np.arange(count) - (count - 1)) / (count - 1)
+    mean, half_difference = excesses.mean(axis=0), (weights[:, None] * excesses).mean(axis=0)
+    return np.where(distinct, 2 - mean / np.where(distinct, half_difference, 1), 0)

@@ -26,7 +26,7 @@ def of_counts(counts, n, spread, limits=None):
     with jax.enable_x64(True):
         found = [jnp.asarray([count / n]) for count in counts]
         some, like = jnp.zeros((n, 1)), jax.ShapeDtypeStruct((4096, 1), jnp.bool_)
-        how = like, n, np.dtype(np.float32), "student", limits, None, 0.95
+        how = like, n, np.dtype(np.float32), "student", limits, None, 0.95, np.zeros(1)
         return _estimate.estimate(found, some, np.array([spread]), *how)
 
 

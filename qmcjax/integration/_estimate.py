@@ -146,7 +146,7 @@ class Estimate(NamedTuple):
         least, advice = self._heavy
         return f"values are heavy-tailed (index {tail:.2g}): {advice}" if tail > least else None
 
-    _heavy = 0.2, 'interval="quantile" is more reliable, or another variable of integration'
+    _heavy = 0.3, 'interval="quantile" is more reliable, or another variable of integration'
 
 
 class QuantileEstimate(Estimate):
@@ -170,7 +170,7 @@ class QuantileEstimate(Estimate):
         more = max(_most_unseen(self.replicates, level), self.replicates) * unseen
         return low - more, high + more
 
-    _heavy = 0.5, "medians of means are far from the integral, choose another variable of integration"
+    _heavy = 0.55, "medians of means are far from the integral, choose another variable of integration"
 
 
 class BettingEstimate(Estimate):

@@ -134,13 +134,14 @@ def integrate(
         intervals stay within them, and use them as the range of values that no replicate saw.
     tolerance : float, optional
         Start with 1024 points per replicate, and double their number until the integral is known within the
-        tolerance, or up to ``n``, which is rounded down to 1024 times a power of two. Nothing may be traced.
+        tolerance, each of its numbers if there are several, or up to ``n``, which is rounded down to 1024
+        times a power of two. Nothing may be traced.
         The estimate's ``n`` is the number used, and ``reason`` explains why it sufficed. A RuntimeWarning is
         emitted if the tolerance was not reached, or if this is uncertain.
     bounds : (float, float), or one such pair for each dimension, optional
         The box (low, high) to integrate over; the unit cube if None. The function then takes points of the
-        box, and the result is the integral, not the mean. Finite bounds may be traced, and have derivatives.
-        Infinite ends are mapped, see Notes.
+        box, rounded to ``dtype``, and the result is the integral, not the mean. Widths and volume come from
+        float64. Finite bounds may be traced, and have derivatives. Infinite ends are mapped, see Notes.
     dtype : float32 or float64
         Dtype of points and, without ``replicates``, of sums. Sums are compensated, so they are as accurate as
         the values.
@@ -170,8 +171,10 @@ def integrate(
     values. Variation within a cell is invisible: in float32 bit 24 of every coordinate is 1, and intervals of
     any kind contain 1 instead of the mean 1/2 of that bit. The error ``rounding`` is the epsilon of the
     values, or of ``dtype`` if that is larger, times the mean magnitude of the values, plus half their range
-    for jumps, since cells displace these by half their side. Magnitude and range are those of the first 4096
-    points of a replicate. Cancellation within the function is not accounted for.
+    for jumps, since cells displace these by half their side; with ``bounds``, also the range times the part
+    of a side by which rounding moves points. Where fewer than 1024 points along a side (or, if that is
+    infinite, along a unit at its end) are different, ``reached`` is False. Magnitude and range are those of
+    the first 4096 points of all replicates. Cancellation within the function is not accounted for.
 
     Intervals have their nominal coverage if the means of the replicates are nearly normal. Means of counts
     are not, and a few replicates may agree by chance. So if two means are equal, and at most half of the
@@ -193,6 +196,13 @@ def integrate(
     is 80 % with 4 replicates and 93 % with 8. Skewed means are not corrected either: for ``-log x`` with
     n = 256, it is 90 %.
 
+    Heavy tails make ``reached`` False: if values above v have a probability like v**(-1 / c), for c > 0.3
+    ("quantile" and "median": c > 0.55), as estimated from the 128 largest of 4096 values. Of 60 keys with 8
+    replicates of n = 256 points, this happens for all of x**-0.9 on (0, 1), where 95 % intervals contain the
+    integral for 16, for 59 of x**-0.5 (44; those by "quantile" for 53), for 25 of x**-0.3 (49; 24 of the
+    other 35), and for none of -log x. Peaks that few points hit look alike. Fewer than 512 values in all, and
+    values that are mostly equal (counts, which are treated as above), give no such alarm.
+
     Infinite sides are mapped by x = low + u / (1 - u), x = high - (1 - u) / u, and for the whole line
     x = (1 / (1 - u) - 1 / u) / 2. Values are multiplied by the derivative; the product is bounded if they
     decrease like x**-2. Rescale functions with a scale far from 1. For other maps, call a warp of
@@ -200,11 +210,12 @@ def integrate(
     float32 and 2**32 in float64.
 
     With ``tolerance``, the half width of an interval is compared with it after each doubling. All these
-    intervals together contain the integral with a probability of 95 %: the level of each is 1 - 0.05 /
-    (number of possible sizes), so early stopping costs no coverage. If the tolerance is reached, the integral
-    is within the tolerance of the midpoint of the last interval with that probability, as far as intervals
-    have their nominal level: "student" relies on normal tails, "betting" only on ``limits``. Earlier points
-    are reused: all replicates together use the estimate's ``n`` times ``replicates`` points.
+    intervals, of all numbers together, contain the integrals with a probability of 95 %: the level of each is
+    1 - 0.05 / (number of possible sizes * numbers), so early stopping costs no coverage. If the tolerance is
+    reached, the integral is within the tolerance of the midpoint of the last interval with that probability,
+    as far as intervals have their nominal level: "student" relies on normal tails, "betting" only on
+    ``limits``. Earlier points are reused: all replicates together use the estimate's ``n`` times
+    ``replicates`` points.
 
     The figure ``intervals`` shows coverage and width of all kinds over 100 integrands in 1 to 8 dimensions.
     With 16 replicates of 1024 points, 95 % intervals by "median" have 0.6 times the width of Student's for

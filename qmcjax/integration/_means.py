@@ -141,7 +141,8 @@ def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
     """Move randomised points to the centres of their cells, without rounding to nearest in float32."""
     if dtype == jnp.float32:
         side = np.asarray(2.0**-23, points.dtype)
-        return ((jnp.floor(points / side) + np.asarray(0.5, points.dtype)) * side).astype(dtype)
+        # Not (floor + 1/2) * side: XLA moves constant factors out of products of coordinates, which overflow.
+        return (jnp.floor(points / side) * side + side / 2).astype(dtype)
     if isinstance(sequence, OwenDigits):  # random down to the resolution of float64
         return points
     return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))

@@ -127,21 +127,22 @@ def hemisphere() -> Hemisphere:
 
 @frozen_pytree
 class Triangle(Warp):
-    vertices: Any  # shape (3, length)
+    corner: Any  # shape (length,): the third
+    edges: Any  # shape (2, length): from there to the first two, as exact as these were given
     dims = 2
 
     @property
     def length(self) -> int:
-        return self.vertices.shape[1]
+        return self.edges.shape[1]
 
     def _values(self, points: Array) -> Array:
         u, v = points[..., 0], points[..., 1]
         half, most = jnp.minimum(u, v) / 2, jnp.maximum(u, v)
         left = u < v
-        weights = jnp.where(left, half, most - half), jnp.where(left, most - half, half), 1 - most
-        terms = zip(weights, self._corners(points), strict=True)
-        one, other, third = (weight[..., None] * corner for weight, corner in terms)
-        return one + other + third
+        weights = jnp.where(left, half, most - half), jnp.where(left, most - half, half)
+        corner, *edges = self._like(points)
+        one, other = (weight[..., None] * edge for weight, edge in zip(weights, edges, strict=True))
+        return corner + (one + other)
 
     def _points(self, values: Array) -> Array:
         first, second, _ = self._weights(values)
@@ -152,9 +153,11 @@ class Triangle(Warp):
     def _density(self, values: Array) -> Array:
         first, second, doubled = self._weights(values)
         unit = self._unit(values)
-        corners = jnp.asarray(self.vertices).astype(values.dtype) / unit
-        size = jnp.max(jnp.sum(jnp.square(corners), axis=-1))
-        longest = jnp.max(jnp.sum(jnp.square(corners - jnp.roll(corners, 1, axis=0)), axis=-1))
+        corner, one, other = (each / unit for each in self._like(values))
+        size, longest = (
+            jnp.max(jnp.stack([jnp.sum(each * each) for each in three]))
+            for three in ((corner, corner + one, corner + other), (one, other, one - other))
+        )
         # The error of a value, relative to the smallest height.
         allowed = rounding(values) * (1 + jnp.sqrt(size * longest) / doubled)
         inside = jnp.minimum(jnp.minimum(first, second), 1 - first - second) >= -allowed
@@ -162,24 +165,23 @@ class Triangle(Warp):
 
     def _unit(self, like: Array) -> Array:
         """Return the size of the triangle, a unit in which squares neither overflow nor vanish."""
-        corners = jnp.asarray(self.vertices).astype(like.dtype)
-        return jax.lax.stop_gradient(jnp.max(abs(corners - jnp.roll(corners, 1, axis=0))))
+        _, one, other = self._like(like)
+        return jax.lax.stop_gradient(jnp.max(abs(jnp.stack([one, other, one - other]))))
 
     def _weights(self, values: Array) -> tuple[Array, Array, Array]:
         """Return the weights of the first two corners, by least squares, and twice the area in units."""
-        first, second, third = self._corners(values)
         unit = self._unit(values)
-        one, other = (first - third) / unit, (second - third) / unit
+        corner, *edges = self._like(values)
+        one, other, away = (each / unit for each in (*edges, values - corner))
         aa, bb, ab = jnp.sum(one * one), jnp.sum(other * other), jnp.sum(one * other)
-        away = (values - third) / unit
         a, b = jnp.sum(away * one, axis=-1), jnp.sum(away * other, axis=-1)
         squared = aa * bb - ab * ab
         return (bb * a - ab * b) / squared, (aa * b - ab * a) / squared, jnp.sqrt(squared)
 
-    def _corners(self, like: Array) -> list[Array]:
-        """Return the corners in the dtype and with the axes of an array."""
+    def _like(self, like: Array) -> list[Array]:
+        """Return the corner and the edges in the dtype and with the axes of an array."""
         shape = (1,) * (like.ndim - 1) + (self.length,)
-        return [jnp.asarray(corner).astype(like.dtype).reshape(shape) for corner in self.vertices]
+        return [jnp.asarray(each).astype(like.dtype).reshape(shape) for each in (self.corner, *self.edges)]
 
 
 def triangle(vertices: ArrayLike) -> Triangle:
@@ -208,7 +210,7 @@ def triangle(vertices: ArrayLike) -> Triangle:
     if corners.shape[1] < 2:
         raise ValueError(f"vertices must have shape (3, n), n at least 2, got {corners.shape}")
     require("vertices", corners, _has_area, "corners of a triangle with an area")
-    return Triangle(corners)
+    return Triangle(corners[2], corners[:2] - corners[2])
 
 
 def _has_area(corners: np.ndarray) -> bool:

@@ -1,5 +1,7 @@
 """Integrands: over boxes, which may be infinite, and with values of any structure."""
 
+from fractions import Fraction
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +12,7 @@ from tables import few, slow
 
 import qmcjax as qj
 from qmcjax import sequences
+from qmcjax.integration._boxes import over_box
 from qmcjax.integration._means import as_complex, columns, of_columns
 
 INF = np.inf
@@ -76,6 +79,38 @@ def test_bounds_have_derivatives_and_compile_nothing():
     counted = len(traces)
     known.append(qj.integrate(square, sequences.sobol(2), 4096, bounds=(0, 2)))
     assert len(traces) <= counted + 1 and float(known[1] / known[0]) == pytest.approx(32, rel=1e-5)
+
+
+FAR = {
+    "a short side": (lambda x: x[:, 0], (100, 100.1), 10.005, True),
+    "a step": (lambda x: x[:, 0] < 100.05, (100, 100.1), 0.05, True),
+    "no float32": (lambda x: x[:, 0] - 2**24, (2**24, 2**24 + 3), 4.5, False),
+    "negative": (lambda x: jnp.sin(9 * (x[:, 0] + 1e5)), (-1e5 - 0.3, -1e5), (np.cos(2.7) - 1) / 9, False),
+    "a half-line": (lambda x: jnp.exp(1e5 - x[:, 0]), (1e5, INF), 1, False),
+}
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("name", FAR)
+def test_far_from_the_origin_intervals_hold_or_lack_places(name, dtype):
+    function, bounds, exact, enough = FAR[name]
+    found = qj.integrate(function, sequences.sobol(1), 2**14, replicates=8, key=1, bounds=bounds, dtype=dtype)
+    low, high = found._interval(1 - 5e-7)
+    assert low <= exact <= high and found.reached == (enough or dtype == jnp.float64)
+    assert found.reached or "different places along a side of bounds" in found.reason
+    assert found.reached is False or high - low < 2e-3 * abs(exact) + 2 * found.rounding
+
+
+@pytest.mark.parametrize("low, high", [(100, 100.1), (-7.3, 1e3), (2**24 - 5, 2**24 + 3), (0, 0.1)])
+def test_places_are_the_nearest_numbers(low, high):
+    """To exact places, but for rounding to nearest of those halfway between two numbers up to 2**-24."""
+    u = (np.arange(2**12) + 0.5) / 2**12
+    box, volume, _ = over_box(lambda x: x, (low, high), 1, np.dtype(np.float32))
+    found = np.asarray(box.places(jnp.float32(u)[:, None]), np.float64)[:, 0]
+    exact = [Fraction(low) + (Fraction(high) - Fraction(low)) * Fraction(x) for x in u]
+    off = np.array([float(abs(Fraction(x) - true)) for x, true in zip(found, exact, strict=True)])
+    assert np.all(off <= np.spacing(np.abs(found).astype(np.float32)) / 2 + 2.0**-24 * (high - low))
+    assert volume == high - low
 
 
 def test_limits_are_of_the_function():

@@ -13,6 +13,7 @@ from tables import few, slow
 import qmcjax as qj
 from qmcjax import sequences
 from qmcjax.integration import _intervals
+from qmcjax.integration._estimate import Estimate, QuantileEstimate
 
 SOBOL = sequences.sobol(2)
 INTERVALS = {"student": {}, "median": {}, "quantile": {}, "betting": {"limits": (0, 3)}}
@@ -171,7 +172,56 @@ def test_trees_and_compiled_programs(interval):
         np.testing.assert_allclose(one, other, rtol=1e-5)
 
 
+# -- heavy tails
+
+TAILS = {  # functions of u, whether "student" and "quantile" intervals are alarmed
+    "x**-0.9": (lambda u, xp: u**-0.9, True, True),
+    "x**-0.5": (lambda u, xp: 1e3 - u**-0.5, True, None),
+    "log": (lambda u, xp: -xp.log(u), False, False),
+    "bounded": (lambda u, xp: xp.exp(u), False, False),
+    "a narrow peak": (lambda u, xp: u**100, False, False),
+    "a rare event": (lambda u, xp: u < 2e-3, False, False),
+}
+
+
+@pytest.mark.parametrize("name", TAILS)
+def test_heavy_tails_are_told_from_long_and_narrow_ones(name):
+    """By stratified points of 8 replicates, of 64 keys."""
+    function, student, quantile = TAILS[name]
+    u = (np.arange(512)[:, None] + np.random.default_rng(1).random((8, 512, 64))).reshape(-1, 64) / 512
+    index = _intervals.tail_index(1.0 * function(u, np))
+    for alarmed, (least, _) in ((student, Estimate._heavy), (quantile, QuantileEstimate._heavy)):
+        assert alarmed is None or np.count_nonzero((index > least) == alarmed) >= 60
+
+
+@pytest.mark.parametrize("name", few(TAILS, "x**-0.9", "log"))
+def test_heavy_tails_are_reported(name):
+    function, student, quantile = TAILS[name]
+    for kind, alarmed, advice in (
+        ("student", student, 'interval="quantile" is more'),
+        ("quantile", quantile, "choose another"),
+    ):
+        found = estimate(lambda p: function(p[:, 0], jnp), kind, 3, n=256)
+        assert alarmed is None or found.reached is not alarmed
+        assert alarmed is not True or (found.reason.startswith("values are heavy") and advice in found.reason)
+
+
+def test_products_of_coordinates_do_not_overflow():
+    """XLA moves constant factors out of them, and the range of values was NaN."""
+    found = qj.integrate(lambda p: jnp.prod(2 * p, axis=1), sequences.sobol(6), 256, replicates=4, key=1)
+    low, high = found.interval(1 - 5e-7)
+    assert low < 1 < high
+
+
 # -- to a tolerance
+
+
+def test_the_level_of_a_tolerance_is_for_all_numbers():
+    def values(p):
+        return p[:, :1] * jnp.arange(1, 6.0)[None], jax.lax.complex(p[:, 0], p[:, 0])
+
+    found = estimate(values, "student", 1, n=2048, tolerance=1.0)
+    assert found.level == 1 - 0.05 / (2 * (5 + 2))
 
 
 @pytest.mark.parametrize("kind", ["student", *slow("median")])

@@ -134,6 +134,12 @@ def test_triangles_of_any_size_are_inverted(side):
     assert np.all(wanted > 0)
 
 
+@pytest.mark.parametrize("side", [1, 1e-3, 1e-6])
+def test_densities_of_small_triangles_far_away_are_exact(side):
+    far = warps.triangle(np.array([[1, 1], [1 + side, 1], [1, 1 + side]]))
+    assert float(far.density(far([[0.3, 0.4]]))[0]) * side**2 == pytest.approx(2, rel=1e-6)
+
+
 def test_off_the_image_the_density_is_0():
     assert warps.disc().density([0.8, 0.8]) == 0
     assert warps.hemisphere().density([0.6, 0.0, -0.8]) == 0

@@ -358,15 +358,15 @@ def estimate(
     def values(columns: Any) -> Any:
         return of_columns(columns, wide, np.dtype(np.float64))
 
-    def rounding(leaf: Any, magnitude: Array, spread: Array) -> Array:
+    def rounding(leaf: Any, magnitude: Array, shift: Array) -> Array:
         types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
-        return magnitude * max(float(jnp.finfo(each).eps) for each in types) + spread * moved.sum()
+        return magnitude * max(float(jnp.finfo(each).eps) for each in types) + shift
 
     made = KINDS[kind](
         values(middle),
         values(error),
         len(found),
-        jax.tree.map(rounding, like, values(magnitude), values(spread)),
+        jax.tree.map(rounding, like, values(magnitude), values(spread * moved.sum().astype(spread.dtype))),
         values(means),
         n,
         values(unseen),

@@ -179,7 +179,7 @@ TAILS = {  # functions of u, whether "student" and "quantile" intervals are alar
     "x**-0.5": (lambda u, xp: 1e3 - u**-0.5, True, None),
     "log": (lambda u, xp: -xp.log(u), False, False),
     "bounded": (lambda u, xp: xp.exp(u), False, False),
-    "a narrow peak": (lambda u, xp: u**100, False, False),
+    "a narrow peak": (lambda u, xp: u**200, False, False),
     "a rare event": (lambda u, xp: u < 2e-3, False, False),
 }
 

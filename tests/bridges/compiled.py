@@ -12,7 +12,7 @@ COMPILERS = {
     "clang": ("c", ["clang", "-std=c99"]),
     "cuda": ("cuda", ["g++", "-std=c++11", "-x", "c++", "-D__device__=", "-include", "cuda.h"]),
 }
-"""Languages of ``source`` and commands; CUDA without its qualifiers, and with two functions of its own."""
+"""Languages of ``source`` and commands; CUDA without its qualifiers, and with functions of its own."""
 
 CUDA = """\
 #include <math.h>
@@ -24,6 +24,8 @@ static inline unsigned __brev(unsigned v) {
   return r;
 }
 static inline unsigned __float_as_uint(float f) { unsigned bits; memcpy(&bits, &f, 4); return bits; }
+static inline double __longlong_as_double(long long bits) { double f; memcpy(&f, &bits, 8); return f; }
+static inline long long __double_as_longlong(double f) { long long bits; memcpy(&bits, &f, 8); return bits; }
 """
 
 FLAGS = ["-O2", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-shared", "-fPIC"]

@@ -1,4 +1,4 @@
-"""Source code in shaders: WGSL and HLSL, run by wgpu with any driver."""
+"""Source code in shaders: WGSL, HLSL and GLSL, run by wgpu with any driver."""
 
 import shutil
 import subprocess
@@ -31,9 +31,25 @@ HLSL = """
 }
 """
 
+GLSL = """
+layout(local_size_x = 64) in;
+layout(set = 0, binding = 0) readonly buffer Given { uint given[]; };
+layout(set = 0, binding = 1) buffer Found { float found[]; };
+void main() {
+    uint i = gl_GlobalInvocationID.x + 65536u * gl_GlobalInvocationID.y;
+    if (i >= @COUNT@u) return;
+    float values[@SIZE@];
+    @CALL@
+    for (uint k = 0u; k < @SIZE@u; k++) found[@SIZE@u * i + k] = values[k];
+}
+"""
+VERSION = "#version 310 es\nprecision highp float; precision highp int;\n"
 
-WGSL_CALLS = "var values = mine({});", "var values = array<f32, 1>(bitcast<f32>(mine({})));"
-HLSL_CALLS = "mine({}, values);", "values[0] = asfloat(mine({}));"
+CALLS = {
+    WGSL: ("var values = mine({});", "var values = array<f32, 1>(bitcast<f32>(mine({})));"),
+    HLSL: ("mine({}, values);", "values[0] = asfloat(mine({}));"),
+    GLSL: ("mine({}, values);", "values[0] = uintBitsToFloat(mine({}));"),
+}
 
 
 def filled(program, text, kind, inputs, size):
@@ -41,8 +57,7 @@ def filled(program, text, kind, inputs, size):
     number = GIVEN[kind]
     words = [f"given[{number}u * i + {k}u]" for k in range(number)]
     words += ["mine_seeds"] * ("mine_seeds" in text)
-    which = int(kind == "order")
-    call = (WGSL_CALLS if program is WGSL else HLSL_CALLS)[which].format(", ".join(words))
+    call = CALLS[program][kind == "order"].format(", ".join(words))
     for word, value in (("COUNT", len(inputs[0])), ("SIZE", size), ("CALL", call)):
         program = program.replace(f"@{word}@", str(value))
     return type(text)(text + program, text.tables)
@@ -70,12 +85,13 @@ def missing(language):
 
 
 def run(language, text, kind, inputs, size, folder):
-    """Return what a function makes of arrays, shape (n, size); HLSL is compiled by glslang."""
+    """Return what a function makes of arrays, shape (n, size); GLSL without tables that are bound."""
     if language == "wgsl":
         return _run(str(filled(WGSL, text, kind, inputs, size)), text.tables, inputs, size, kind)
-    (folder / "mine.hlsl").write_text(filled(HLSL, text, kind, inputs, size))
-    options = ["-D", "-V", "-S", "comp", "-e", "main", "--quiet"]
-    command = ["glslangValidator", *options, "-o", "mine.spv", "mine.hlsl"]
+    program, first, options = (HLSL, "", ["-D"]) if language == "hlsl" else (GLSL, VERSION, [])
+    (folder / "mine").write_text(first + filled(program, text, kind, inputs, size))
+    options += ["-V", "-S", "comp", "-e", "main", "--quiet"]
+    command = ["glslangValidator", *options, "-o", "mine.spv", "mine"]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[:4000]
     return _run((folder / "mine.spv").read_bytes(), text.tables, inputs, size, kind)

@@ -68,7 +68,13 @@ def computed(made, given):
         return np.where(*given)
     if made.kind in ("convert", "bitcast"):
         return given[0].astype(made.dtype) if made.kind == "convert" else given[0].view(made.dtype)
-    return FOLDED[made.kind](*given).astype(made.dtype)
+    if made.kind == "reverse":
+        return np.array([FOLDED["reverse"](word) for word in given[0]])
+    function = FOLDED.get(made.kind) or getattr(np, NUMPY.get(made.kind, made.kind))
+    return function(*given).astype(made.dtype)
+
+
+NUMPY = {"atan": "arctan", "asin": "arcsin", "acos": "arccos", "atan2": "arctan2", "pow": "power"}
 
 
 U = jax.ShapeDtypeStruct((), np.uint32)
@@ -126,6 +132,16 @@ ROW = np.arange(60, dtype=np.uint32) * np.uint32(77)
 INTEGERS = {
     "quotients": lambda x, y: (x // y, x % y, x.astype(jnp.int32) // y.astype(jnp.int32)),
     "shifts": lambda x, y: (x << y, x >> y, x.astype(jnp.int32) >> (y & np.uint32(63)).astype(jnp.int32)),
+    "shifts with and without a sign": lambda x, y: (
+        jax.lax.shift_right_logical(x.astype(jnp.int32), y.astype(jnp.int32)),
+        jax.lax.shift_right_arithmetic(x, y % np.uint32(40)),
+        jax.lax.shift_right_arithmetic(np.uint32(0x87654321), y % np.uint32(40)),
+    ),
+    "bools": lambda x, y: (
+        jnp.minimum(x > y, y > np.uint32(9)),
+        jax.lax.max(x > y, y > np.uint32(9)),
+        *(compare(x > y, y > np.uint32(9)) for compare in (jax.lax.lt, jax.lax.le, jax.lax.gt, jax.lax.ge)),
+    ),
     "counts": lambda x, y: (jax.lax.clz(x), jax.lax.population_count(y)),
     "narrow": lambda x, y: x.astype(jnp.uint16) * y.astype(jnp.uint8).astype(jnp.uint16),
     "signed": lambda x, y: jnp.abs(x.astype(jnp.int32)) + jnp.sign(y.astype(jnp.int32)),

@@ -4,11 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from qmcjax.bridges._source._errors import Origin
+from qmcjax.bridges._source._errors import Origin, Untranslatable
 from qmcjax.bridges._source._operations import (
     COMMUTATIVE,
     COMPARISONS,
     FOLDED,
+    OPERATIONS,
     interval,
     limits_of,
     may_be_nan,
@@ -62,6 +63,8 @@ class Builder:
         return [self._numbered(Value("result", v.dtype, (), n, loop)) for n, v in enumerate(loop.initial)]
 
     def apply(self, kind: str, *arguments: Value) -> Value:
+        if arguments[0].dtype.kind not in OPERATIONS[kind]:
+            return self._apply_to_others(kind, arguments)
         dtype = BOOL if kind in COMPARISONS else arguments[0].dtype
         if all(a.kind == "constant" for a in arguments) and (kind in FOLDED):
             with np.errstate(all="ignore"):
@@ -76,6 +79,14 @@ class Builder:
             low, high = limits_of(made)
             return self.constant(low, dtype) if low == high else made
         return made
+
+    def _apply_to_others(self, kind: str, arguments: tuple[Value, ...]) -> Value:
+        """Compare bools as words, and shift integers as those with a sign, or without, of the same bits."""
+        dtype = arguments[0].dtype
+        if dtype.kind == "f" or OPERATIONS[kind] == "f":
+            raise Untranslatable(f"of {dtype}")
+        other = UINT if dtype == BOOL else np.dtype(f"{OPERATIONS[kind]}{dtype.itemsize}")
+        return self.convert(self.apply(kind, *(self.convert(a, other) for a in arguments)), dtype)
 
     def _simpler(self, kind: str, dtype: np.dtype, arguments: tuple[Value, ...]) -> Value | None:
         """Return an equal value that is simpler, if one is known."""
@@ -102,7 +113,7 @@ class Builder:
         if kind in ("mul", "and") and known == 0:
             return last
         if dtype.kind == "b":
-            return {"and": first, "or": last, "xor": self.apply("not", first)}.get(kind)
+            return self.apply("not", first) if kind == "xor" else {"and": first, "or": last}.get(kind)
         bounds = interval(first)
         if kind == "and" and bounds is not None and bounds[0] >= 0:
             # All bits that can be set are in the mask.

@@ -27,6 +27,14 @@ INFIX = {
     "shift_right_logical": ">>",
     "shift_right_arithmetic": ">>",
 }
+FUNCTIONS = {
+    name: name
+    for name in (
+        *("floor", "ceil", "sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2"),
+        *("atan", "asin", "acos", "tanh", "pow"),
+    )
+}
+"""Functions with the same name in every language."""
 LOGICAL = {"and": "&&", "or": "||", "xor": "!="}
 RESULT = "u"
 """Name of the array that functions fill: ``point`` and ``sample`` are words of HLSL."""
@@ -42,8 +50,8 @@ class Language:
     """
 
     types: ClassVar[Mapping[np.dtype, str]]
-    functions: ClassVar[Mapping[str, str]] = {}
-    """Names of functions of numbers that are not those of :mod:`_operations`."""
+    functions: ClassVar[Mapping[str, str]]
+    """Names of all functions of numbers: an operation without one is an error."""
 
     has_64: ClassVar[bool] = False
     """Whether it has 64-bit integers and floats, and tables of 8 and 16 bits."""
@@ -136,7 +144,7 @@ class Language:
         return self.function(kind, dtype, *given)
 
     def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        return f"{self.functions.get(kind, kind)}({', '.join(given)})"
+        return f"{self.functions[kind]}({', '.join(given)})"
 
     def declare(self, dtype: np.dtype, name: str, value: str, changes: bool = False) -> str:
         template = self.variable if changes else self.constant

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from qmcjax.bridges._source._language import BRACED, INFIX, LOGICAL, RESULT, Language
+from qmcjax.bridges._source._language import BRACED, FUNCTIONS, INFIX, LOGICAL, RESULT, Language
 from qmcjax.bridges._source._operations import interval, may_be_nan
 from qmcjax.bridges._source._program import BOOL, DOUBLE, FLOAT, INT, LONG, UINT, ULONG, Value
 
@@ -84,7 +84,14 @@ class C(Language):
         DOUBLE: "double",
         **{np.dtype(f"{kind}int{bits}"): f"{kind}int{bits}_t" for kind in ("", "u") for bits in (8, 16)},
     }
-    functions: ClassVar = {"abs": "fabs", "round_even": "rint", "rem": "fmod", "reverse": "qmcjax_reverse"}
+    functions: ClassVar = {
+        **FUNCTIONS,
+        "abs": "fabs",
+        "round_even": "rint",
+        "rem": "fmod",
+        "atan2": "atan2",
+        "reverse": "qmcjax_reverse",
+    }
     has_64: ClassVar = True
     repeats: ClassVar = frozenset(("min", "max"))
     smallest: ClassVar = "(-2147483647 - 1)"
@@ -157,7 +164,7 @@ QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
         if kind in ("min", "max"):
             return f"{given[0]} {'<' if kind == 'min' else '>'} {given[1]} ? {given[0]} : {given[1]}"
         end = "f" if dtype == FLOAT else ""
-        return f"{self.functions.get(kind, kind)}{end}({', '.join(given)})"
+        return f"{self.functions[kind]}{end}({', '.join(given)})"
 
     def returning(self, kind: str, name: str, parameters: Sequence[str], inside: Sequence[str]) -> str:
         words = set(re.findall(r"\w+", "\n".join(inside)))
@@ -200,6 +207,9 @@ def _may_wrap(value: Value) -> bool:
     return (low, high) == (int(np.iinfo(value.dtype).min), int(np.iinfo(value.dtype).max))
 
 
+_NUMBERS = {**FUNCTIONS, "abs": "abs", "min": "min", "max": "max"}
+"""Functions with the same name in all shaders."""
+
 COLUMNS = 1024
 """Columns of a texture of words in GLSL."""
 
@@ -212,6 +222,15 @@ class Shader(Language):
     bound: ClassVar[str] = "{name}[{index}]"
     """One of these words."""
 
+    repeats: ClassVar = frozenset(("rem",))
+
+    def operation(self, value: Value, *given: str) -> str:
+        if value.kind == "rem" and value.dtype != UINT:
+            # GLSL and HLSL leave % of negative integers undefined, and compilers of HLSL differ in fmod.
+            whole = f"{given[0]} / {given[1]}"
+            return f"{given[0]} - {given[1]} * {'trunc' * (value.dtype == FLOAT)}({whole})"
+        return super().operation(value, *given)
+
     def from_word(self, dtype: np.dtype, word: str) -> str:
         return self.of_bits(dtype, word) if dtype == FLOAT else f"{self.type(dtype)}({word})"
 
@@ -220,8 +239,12 @@ class Glsl(Shader):
     """GLSL ES 3.00, and GLSL 3.30."""
 
     types: ClassVar = {UINT: "uint", INT: "int", FLOAT: "float", BOOL: "bool"}
-    functions: ClassVar = {"round_even": "roundEven", "atan2": "atan", "reverse": "qmcjax_reverse"}
-    repeats: ClassVar = frozenset(("rem",))
+    functions: ClassVar = {
+        **_NUMBERS,
+        "round_even": "roundEven",
+        "atan2": "atan",
+        "reverse": "qmcjax_reverse",
+    }
     layout: ClassVar = f", in rows of {COLUMNS} texels R32UI"
     as_float: ClassVar = "uintBitsToFloat({value})"
     as_integer: ClassVar = "floatBitsTo{Kind}({value})"
@@ -236,17 +259,17 @@ uint {{name}}_word(uint i) {{{{
     def head(self, text: str) -> str:
         return _REVERSE.format(head="", kind="uint") if "qmcjax_reverse(" in text else ""
 
-    def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        if kind == "rem":
-            return f"{given[0]} - {given[1]} * trunc({given[0]} / {given[1]})"
-        return super().function(kind, dtype, *given)
-
 
 class Hlsl(Shader):
     """HLSL, Shader Model 4 and later."""
 
     types: ClassVar = Glsl.types
-    functions: ClassVar = {"round_even": "round", "rem": "fmod", "reverse": "reversebits"}
+    functions: ClassVar = {
+        **_NUMBERS,
+        "round_even": "round",
+        "atan2": "atan2",
+        "reverse": "reversebits",
+    }
     as_float: ClassVar = "asfloat({value})"
     as_integer: ClassVar = "as{kind}({value})"
     array: ClassVar = f"static const{BRACED}"
@@ -255,7 +278,7 @@ class Hlsl(Shader):
 
 class Wgsl(Shader):
     types: ClassVar = {UINT: "u32", INT: "i32", FLOAT: "f32", BOOL: "bool"}
-    functions: ClassVar = {"round_even": "round", "reverse": "reverseBits"}
+    functions: ClassVar = {**_NUMBERS, "round_even": "round", "atan2": "atan2", "reverse": "reverseBits"}
     smallest: ClassVar = "i32(-2147483648)"
     result: ClassVar = ""
     suffix: ClassVar = "f"
@@ -279,9 +302,6 @@ class Wgsl(Shader):
         if value.kind.startswith("shift") and value.dtype == INT:
             return super().operation(value, given[0], f"u32({given[1]})")
         return super().operation(value, *given)
-
-    def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        return f"{given[0]} % {given[1]}" if kind == "rem" else super().function(kind, dtype, *given)
 
     def filling(
         self, name: str, parameters: Sequence[str], size: int, inside: Sequence[str], kind: str

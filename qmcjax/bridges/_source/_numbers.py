@@ -164,7 +164,7 @@ def _dot(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[E
 
 
 RULES: dict[str, Rule] = {
-    **{kind: _function(kind) for kind in (*FUNCTIONS, "atan2", "pow")},
+    **{kind: _function(kind) for kind in FUNCTIONS},
     "convert_element_type": _convert,
     "bitcast_convert_type": _bitcast,
     "select_n": _select_n,

@@ -21,10 +21,24 @@ COMPARISONS = {
     "ge": np.greater_equal,
 }
 SHIFTS = ("shift_left", "shift_right_logical", "shift_right_arithmetic")
-FUNCTIONS = ("sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2", "atan", "asin", "acos", "tanh")
+_TRANSCENDENTAL = ("sin", "cos", "tan", "exp", "log", "exp2", "log2", "atan", "asin", "acos", "tanh")
+FUNCTIONS = ("sqrt", *_TRANSCENDENTAL, "atan2", "pow")
 """Functions of floats in every language, with unspecified rounding; ``sqrt`` mostly correctly rounded."""
 
 _EXACT = {"neg": np.negative, "abs": np.abs, "floor": np.floor, "ceil": np.ceil, "round_even": np.rint}
+
+OPERATIONS = {
+    **dict.fromkeys((*_ARITHMETIC, "div", "rem", "min", "max"), "iuf"),
+    **dict.fromkeys(COMPARISONS, "iuf"),
+    **dict.fromkeys(("eq", "ne"), "iufb"),
+    **dict.fromkeys(_BITWISE, "iub"),
+    **dict.fromkeys((*_EXACT, *FUNCTIONS), "f"),
+    "shift_left": "iu",
+    "shift_right_logical": "u",
+    "shift_right_arithmetic": "i",
+    "reverse": "u",
+}
+"""All operations of programs, and the kinds of dtypes that each has. Every target lists them by name."""
 
 COMMUTATIVE = ("add", "mul", "and", "or", "xor", "eq", "ne", "min", "max")
 
@@ -44,7 +58,8 @@ def _shift(kind: str, a: Any, b: Any) -> Any:
     word, by = a.astype(unsigned), np.minimum(b.astype(unsigned), bits - 1).astype(unsigned)
     zero = (b < 0) | (b >= bits)
     if kind == "shift_right_arithmetic":
-        return np.right_shift(a, by.astype(a.dtype))
+        signed = np.dtype(f"i{a.dtype.itemsize}")
+        return np.right_shift(a.astype(signed), by.astype(signed)).astype(a.dtype)
     moved = np.left_shift(word, by) if kind == "shift_left" else np.right_shift(word, by)
     return np.where(zero, unsigned.type(0), moved).astype(a.dtype)
 

@@ -9,10 +9,16 @@ import numpy as np
 
 from qmcjax.bridges._source import Compute, Program, Repeat, Table, Value
 from qmcjax.bridges._source._operations import COMPARISONS
-from qmcjax.bridges._source._program import BOOL, DTYPES, Statement
+from qmcjax.bridges._source._program import BOOL, DOUBLE, DTYPES, Statement
 
 Step: TypeAlias = Callable[[list[Any]], None]
 """What adds a value to the list of those that are known."""
+
+_FUNCTIONS = (
+    *("abs", "floor", "ceil", "sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2"),
+    *("atan", "asin", "acos", "tanh", "atan2"),
+)
+"""Operations that Dr.Jit calls the same."""
 
 
 class Arrays:
@@ -27,15 +33,21 @@ class Arrays:
         }
         self.operations: dict[str, Callable[..., Any]] = {
             **{name: getattr(operator, name) for name in ("add", "sub", "mul", "xor", "neg", *COMPARISONS)},
-            "rem": operator.mod,
+            **{name: getattr(drjit, name) for name in _FUNCTIONS},
+            "div": self._divide,
+            "rem": self._remainder,
             "and": operator.and_,
             "or": operator.or_,
             "not": operator.invert,
             "shift_left": operator.lshift,
+            "shift_right_logical": operator.rshift,
+            "shift_right_arithmetic": operator.rshift,
             "select": drjit.select,
             "min": drjit.minimum,
             "max": drjit.maximum,
             "round_even": drjit.round,
+            "pow": drjit.power,
+            "reverse": drjit.brev,
         }
 
     def constant(self, value: np.generic) -> Any:
@@ -43,19 +55,22 @@ class Arrays:
         return self.types[value.dtype](value.item())
 
     def operation(self, value: Value) -> Callable[..., Any]:
-        kind, made = value.kind, self.types[value.dtype]
-        if kind in ("convert", "bitcast"):
-            return self._convert(value)
-        if kind in ("shift_right_logical", "shift_right_arithmetic"):
-            sign = "u" if kind == "shift_right_logical" else "i"
-            word = self.types[np.dtype(f"{sign}{value.dtype.itemsize}")]
-            if word is made:
-                return operator.rshift
-            cast = self.drjit.reinterpret_array
-            return lambda a, b: cast(made, cast(word, a) >> cast(word, b))
-        if kind == "div":
-            return operator.truediv if value.dtype.kind == "f" else operator.floordiv
-        return self.operations[kind] if kind in self.operations else getattr(self.drjit, kind)
+        converts = value.kind in ("convert", "bitcast")
+        return self._convert(value) if converts else self.operations[value.kind]
+
+    def _divide(self, a: Any, b: Any) -> Any:
+        return a / b if self.drjit.is_float_v(a) else a // self._divisor(b)
+
+    def _remainder(self, a: Any, b: Any) -> Any:
+        """Return a remainder: of float32 exactly, in float64, for quotients below 2**29."""
+        if not self.drjit.is_float_v(a):
+            return a % self._divisor(b)
+        one, other = self.types[DOUBLE](a), self.types[DOUBLE](b)
+        return type(a)(one - self.drjit.trunc(one / other) * other)
+
+    def _divisor(self, b: Any) -> Any:
+        """Return an integer that is not 0 beyond the end of an array either: LLVM divides there as well."""
+        return self.drjit.select(b == 0, type(b)(1), b)
 
     def _convert(self, value: Value) -> Callable[..., Any]:
         made, given = self.types[value.dtype], value.arguments[0].dtype

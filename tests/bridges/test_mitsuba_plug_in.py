@@ -370,8 +370,8 @@ def test_the_figure_says_that_it_is_missing(monkeypatch):
     assert "pip install 'qmcjax[mitsuba]'" in numbers["note"] and not images and not numbers["measured"]
 
 
-@pytest.mark.skipif(find_spec("mitsuba") is not None, reason="Mitsuba is installed")
-def test_without_it_the_extra_is_named():
+def test_without_it_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mitsuba", None)
     with pytest.raises(ImportError, match=r"pip install 'qmcjax\[mitsuba\]'"):
         mitsuba.register()
 

@@ -27,14 +27,9 @@ INFIX = {
     "shift_right_logical": ">>",
     "shift_right_arithmetic": ">>",
 }
-FUNCTIONS = {
-    name: name
-    for name in (
-        *("floor", "ceil", "sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2"),
-        *("atan", "asin", "acos", "tanh", "pow"),
-    )
-}
-"""Functions with the same name in every language."""
+_SAME = "abs floor ceil min max sqrt sin cos tan exp log exp2 log2 atan asin acos tanh atan2 pow"
+FUNCTIONS = {name: name for name in _SAME.split()}
+"""Functions with the same name in every language, but for those that a language renames."""
 LOGICAL = {"and": "&&", "or": "||", "xor": "!="}
 RESULT = "u"
 """Name of the array that functions fill: ``point`` and ``sample`` are words of HLSL."""

@@ -87,9 +87,8 @@ class C(Language):
     functions: ClassVar = {
         **FUNCTIONS,
         "abs": "fabs",
-        "round_even": "rint",
         "rem": "fmod",
-        "atan2": "atan2",
+        "round_even": "rint",
         "reverse": "qmcjax_reverse",
     }
     has_64: ClassVar = True
@@ -207,9 +206,6 @@ def _may_wrap(value: Value) -> bool:
     return (low, high) == (int(np.iinfo(value.dtype).min), int(np.iinfo(value.dtype).max))
 
 
-_NUMBERS = {**FUNCTIONS, "abs": "abs", "min": "min", "max": "max"}
-"""Functions with the same name in all shaders."""
-
 COLUMNS = 1024
 """Columns of a texture of words in GLSL."""
 
@@ -239,8 +235,7 @@ class Glsl(Shader):
     """GLSL ES 3.00, and GLSL 3.30."""
 
     types: ClassVar = {UINT: "uint", INT: "int", FLOAT: "float", BOOL: "bool"}
-    functions: ClassVar = {
-        **_NUMBERS,
+    functions: ClassVar = FUNCTIONS | {
         "round_even": "roundEven",
         "atan2": "atan",
         "reverse": "qmcjax_reverse",
@@ -264,12 +259,7 @@ class Hlsl(Shader):
     """HLSL, Shader Model 4 and later."""
 
     types: ClassVar = Glsl.types
-    functions: ClassVar = {
-        **_NUMBERS,
-        "round_even": "round",
-        "atan2": "atan2",
-        "reverse": "reversebits",
-    }
+    functions: ClassVar = FUNCTIONS | {"round_even": "round", "reverse": "reversebits"}
     as_float: ClassVar = "asfloat({value})"
     as_integer: ClassVar = "as{kind}({value})"
     array: ClassVar = f"static const{BRACED}"
@@ -278,7 +268,7 @@ class Hlsl(Shader):
 
 class Wgsl(Shader):
     types: ClassVar = {UINT: "u32", INT: "i32", FLOAT: "f32", BOOL: "bool"}
-    functions: ClassVar = {**_NUMBERS, "round_even": "round", "atan2": "atan2", "reverse": "reverseBits"}
+    functions: ClassVar = FUNCTIONS | {"round_even": "round", "reverse": "reverseBits"}
     smallest: ClassVar = "i32(-2147483648)"
     result: ClassVar = ""
     suffix: ClassVar = "f"

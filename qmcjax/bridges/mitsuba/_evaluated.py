@@ -14,10 +14,7 @@ from qmcjax.bridges._source._program import BOOL, DOUBLE, DTYPES, Statement
 Step: TypeAlias = Callable[[list[Any]], None]
 """What adds a value to the list of those that are known."""
 
-_FUNCTIONS = (
-    *("abs", "floor", "ceil", "sqrt", "sin", "cos", "tan", "exp", "log", "exp2", "log2"),
-    *("atan", "asin", "acos", "tanh", "atan2"),
-)
+_SAME = "abs floor ceil sqrt sin cos tan exp log exp2 log2 atan asin acos tanh atan2"
 """Operations that Dr.Jit calls the same."""
 
 
@@ -33,7 +30,7 @@ class Arrays:
         }
         self.operations: dict[str, Callable[..., Any]] = {
             **{name: getattr(operator, name) for name in ("add", "sub", "mul", "xor", "neg", *COMPARISONS)},
-            **{name: getattr(drjit, name) for name in _FUNCTIONS},
+            **{name: getattr(drjit, name) for name in _SAME.split()},
             "div": self._divide,
             "rem": self._remainder,
             "and": operator.and_,

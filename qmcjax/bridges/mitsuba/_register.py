@@ -1,5 +1,6 @@
 """Registration of the plugin, samplers for Mitsuba's dictionaries, and a check of LLVM."""
 
+import glob
 import subprocess
 import sys
 from types import ModuleType
@@ -30,8 +31,9 @@ drjit.sync_thread()
 def check_llvm() -> str:
     """Return the version of LLVM that Mitsuba finds; raise unless its LLVM variants render with it.
 
-    Some versions abort the whole process at the first image: LLVM 14 to 16 did on a CPU with AVX-512; 19
-    works. So this renders four pixels in a separate process, which takes a second or two.
+    Some versions abort the whole process at the first image: LLVM 14 to 16 did; 19 works. So this renders
+    four pixels in a separate process, which takes a second or two. Of several, Dr.Jit takes libLLVM.so where
+    the system looks for libraries, otherwise the last by name of those that Debian installs.
 
     Returns
     -------
@@ -50,9 +52,10 @@ def check_llvm() -> str:
     if trial.returncode:
         found = f"LLVM {version} aborts" if version else "no LLVM is found"
         last = (trial.stderr.strip().splitlines() or [""])[-1]
+        path = max(glob.glob("/usr/lib/*/libLLVM.so.19*"), default="the path of libLLVM.so")
         raise RuntimeError(
             f"{found} (code {trial.returncode}: {last}). Mitsuba's LLVM variants need LLVM 19 (Debian: "
-            "libllvm19); set DRJIT_LIBLLVM_PATH to the path of libLLVM.so if there are several"
+            f"libllvm19); before Mitsuba is imported, set DRJIT_LIBLLVM_PATH to {path} if there are several"
         )
     return version
 

@@ -21,6 +21,7 @@ struct Place { unsigned x, y, z; };
 extern __device__ const Place threadIdx, blockIdx, blockDim;
 __device__ float __uint_as_float(unsigned bits);
 __device__ unsigned __float_as_uint(float value);
+__device__ unsigned __brev(unsigned word);
 """
 """What clang needs of CUDA's headers."""
 

@@ -192,8 +192,11 @@ MESSAGES = {
     "m must be an integer in [1, 32], got 2.0": lambda: sequences.optimized_net(2.0),
     "index must be integers in [0, 4294967295], got -1": lambda: SOBOL(-1),
     "index must be integers in [0, 31], got 39": lambda: NET.bits(np.arange(40)),
-    "n must be an integer in [1, 32], got 33": lambda: NET.points(33),
-    "start + n must be at most 32, got 5 + 30": lambda: NET.points(30, start=5),
+    "n must be at most 32 for hammersley_net(m=5), got 33": lambda: NET.points(33),
+    "start + n must be at most 32 for hammersley_net(m=5), got 5 + 30": lambda: NET.points(30, start=5),
+    "n must be at most 2 for latin_hypercube(dims=16, size=2), got 16": (
+        lambda: sequences.latin_hypercube(2, 16, 1).points(16)
+    ),
     "dtype must be float32 or float64, got ": lambda: SOBOL.points(4, dtype=jnp.int32),
     "dims must be an integer in [0, 2], got 3": lambda: SOBOL(0, dims=(0, 3)),
     "dims must name at least one": lambda: SOBOL(0, dims=()),

@@ -54,6 +54,15 @@ def integer(name: str, value: Any, low: int, high: int) -> int:
     return number
 
 
+def span(n: Any, start: Any, sequence: Any) -> tuple[int, int]:
+    """Return ``n`` and ``start`` as ints: numbers of points, and of the first, that the sequence has."""
+    n, start = integer("n", n, 1, INDEX_LIMIT), integer("start", start, 0, INDEX_LIMIT - 1)
+    if start + n > sequence.limit:
+        name, given = ("start + n", f"{start} + {n}") if start else ("n", n)
+        raise ValueError(f"{name} must be at most {sequence.limit} for {shown(sequence)}, got {given}")
+    return n, start
+
+
 def power_of_two(name: str, value: Any, most: int) -> int:
     """Return ``value`` as an int: a power of two, at most ``most``; a bool is not accepted."""
     number = integer(name, value, 1, most)

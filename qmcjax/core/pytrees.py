@@ -231,7 +231,7 @@ def _generated(method: Any) -> bool:
 def _known() -> jax.Array:
     """Return an array whose operations are traced wherever operations are traced."""
     with jax.ensure_compile_time_eval():
-        return jnp.zeros(())
+        return jax.device_put(np.float32(0))
 
 
 def is_traced(values: Any) -> bool:
@@ -259,7 +259,9 @@ class Compiled(Generic[R]):
 
     def __call__(self, *args: Any) -> R:
         """Run the program for the classes and shapes of the arguments."""
-        return self._compiled(self._classes(args), *args)
+        # Numbers, and parameters of scenes, are NumPy's: their transfer is intended.
+        with jax.transfer_guard_host_to_device("allow"):
+            return self._compiled(self._classes(args), *args)
 
     def lower(self, *args: Any) -> Any:
         """Return the program before compilation, like functions of ``jax.jit``."""

@@ -63,16 +63,19 @@ def add_terms(
     # Closed-over tracers become arguments of the inner program.
     program = jax.make_jaxpr(term)(parameters, first)
     closed_over = program.consts if any(isinstance(const, Tracer) for const in program.consts) else []
-
-    def of_operands(k: Array, *operands: Array) -> list[Array]:
-        consts, leaves = operands[: len(closed_over)], operands[len(closed_over) :]
-        if consts:
-            return jax_internals.eval_jaxpr(program.jaxpr, consts, *leaves, k)
-        return [term(tree.unflatten(leaves), k)]
-
+    of_operands = _of_jaxpr(program.jaxpr, len(closed_over)) if closed_over else _of_term(term, tree)
     operands = [jnp.asarray(each) for each in (*closed_over, *leaves)]
     total, excess = _bind(count, first, *state, *operands, term=of_operands, pinned=pinned, sums=1)
     return total, excess
+
+
+def _of_jaxpr(jaxpr: Any, consts: int) -> Callable[..., list[Array]]:
+    """Return a term as a function of its number, its constants and its other operands."""
+    return lambda k, *given: jax_internals.eval_jaxpr(jaxpr, given[:consts], *given[consts:], k)
+
+
+def _of_term(term: Callable[[Any, Array], Array], tree: Any) -> Callable[..., list[Array]]:
+    return lambda k, *leaves: [term(tree.unflatten(leaves), k)]
 
 
 @cache
@@ -126,7 +129,7 @@ def _jvp(primals, tangents, *, term, pinned, sums):
         return made, before
 
     def tangent(k: Array, *given: Array) -> list[Array]:
-        still, moves = given[: len(operands)], given[len(operands) :]
+        still, moves = given[: -len(moved)], given[-len(moved) :]
 
         def of_moved(*some: Array) -> list[Array]:
             return term(k, *_replaced(still, moved, some))
@@ -146,7 +149,8 @@ def _transpose(cotangents, count, first, *args, term, pinned, sums):
     shapes = [operands[j].aval for j in linear]
 
     def pulled_back(k: Array, *given: Array) -> list[Array]:
-        still, pulling = _replaced([None] * len(operands), places, given[: len(known)]), given[len(known) :]
+        still = _replaced([None] * (len(places) + len(linear)), places, given[: len(places)])
+        pulling = given[len(places) :]
 
         def of_linear(*some: Array) -> list[Array]:
             return term(k, *_replaced(still, linear, some))

@@ -250,10 +250,7 @@ def integrate(
     """
     checks.function("function", function, "of points")
     sequence = as_sequence("sequence", sequence)
-    n = checks.integer("n", n, 1, sequence.limit)
-    start = checks.integer("start", start, 0, sequence.limit - 1)
-    if start + n > sequence.limit:
-        raise ValueError(f"start + n must be at most {sequence.limit}, got {start} + {n}")
+    n, start = checks.span(n, start, sequence)
     dtype = checks.floating(dtype)
     kind = checks.choice("interval", interval, KINDS)
     limits = validate_limits(limits, kind, replicates)

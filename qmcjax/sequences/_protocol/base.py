@@ -194,17 +194,14 @@ class Sequence(abc.ABC):
         -------
         Array of ``dtype``, shape (n, dims), in [0, 1)
         """
-        n = checks.integer("n", n, 1, self.limit)
-        start = checks.integer("start", start, 0, self.limit - 1)
-        if start + n > self.limit:
-            raise ValueError(f"start + n must be at most {self.limit}, got {start} + {n}")
+        n, start = checks.span(n, start, self)
         dtype = checks.floating(dtype)
         with checks.precision(dtype):
             return materialize(self._maker(start, n, dtype), n, self.dims, dtype)
 
     def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
         """Return a function of (first, count) that makes points start + first, ..., for count >= ROWS."""
-        return lambda first, count: _points(self, np.uint32(start + first), count, dtype)
+        return lambda first, count: _points(self, jax.device_put(np.uint32(start + first)), count, dtype)
 
     def __len__(self) -> int:
         """Return the number of points."""

@@ -99,7 +99,9 @@ class Rotated(PointByPoint):
             return plus_modulo_1(values, of_dims(self.offsets, dims, values), dtype)
 
 
-def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rotated:
+def rotate(
+    sequence: Sequence, offset_or_key: ArrayLike | None = None, *, key: Array | int | None = None
+) -> RotatedBinary | Rotated:
     """Shift all points of a sequence by one vector on the torus: the Cranley-Patterson rotation.
 
     This preserves toroidal distances, but not elementary intervals: if those matter, use
@@ -113,6 +115,7 @@ def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rota
     offset_or_key : float or uint32 ArrayLike, shape (dims,); or jax.random.key, or int in [0, 2**32)
         Floats in [0, 1), rounded down to 32-bit fractions, or these fractions. A key draws them at random. A
         new offset or key does not recompile.
+    key : jax.random.key, or int in [0, 2**32), instead of ``offset_or_key``
 
     Returns
     -------
@@ -133,7 +136,12 @@ def rotate(sequence: Sequence, offset_or_key: ArrayLike) -> RotatedBinary | Rota
      [0.25 0.  ]]
     """
     sequence = as_sequence("sequence", sequence)
-    offsets = fractions_or_key("offset_or_key", offset_or_key, (sequence.dims,))
+    if (offset_or_key is None) == (key is None):
+        raise TypeError("offset_or_key, or key instead, must be given, got " + ("none" if key is None else "both"))
+    if key is None:
+        offsets = fractions_or_key("offset_or_key", offset_or_key, (sequence.dims,))
+    else:
+        offsets = draws.bits(checks.prng_key("key", key), (sequence.dims,), jnp.uint32)
     if isinstance(sequence, BinarySequence):
         return RotatedBinary(sequence, offsets)
     return Rotated(sequence, offsets)

@@ -74,7 +74,7 @@ else:
         return globals().setdefault(name, getattr(importlib.import_module(_LAZY[name]), name))
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *_PACKAGES, *_LAZY})
+        return sorted({*_PACKAGES, *_LAZY, "__version__"})
 
 
 __version__ = "0.2.0"

@@ -1,4 +1,4 @@
-"""Objects of each kind return the same bits under settings of JAX and Python; see "Stability and precision"."""
+"""Objects of each kind return the same bits under settings of JAX and Python."""
 
 import subprocess
 import sys

@@ -17,8 +17,8 @@ from analysis._star.star_discrepancy import star_discrepancy
 from analysis._structure.nets import t_value
 from qmcjax.core import checks
 from qmcjax.rendering import render
-from qmcjax.samplers import Sampler, as_sampler
-from qmcjax.scenes import as_scene
+from qmcjax.samplers import Sampler, SamplerLike, as_sampler
+from qmcjax.scenes import Scene, as_scene
 
 _BLOCK = 16
 """Side in pixels of the square whose points are measured together."""
@@ -30,8 +30,8 @@ _TIMED = 3
 
 
 def compare(
-    samplers: Mapping[str, Any],
-    scenes: Mapping[str, Any],
+    samplers: Mapping[str, SamplerLike | Callable[..., SamplerLike]],
+    scenes: Mapping[str, Scene],
     spps: Iterable[int] = (1, 4, 16, 64),
     *,
     width: int = 128,
@@ -178,7 +178,7 @@ def _of_points(sampler: Sampler, side: int, spp: int) -> dict[str, float]:
     side = min(side, max(1, int((_MOST_POINTS / spp) ** 0.5)))
     spp = min(spp, _MOST_POINTS)
     y, x, sample = np.indices((side, side, spp), np.uint32)
-    own = np.asarray(sampler(x, y, sample), np.float64)
+    own = np.asarray(sampler(x, y, sample, (0, 1)), np.float64)
     together = ((own + np.stack([x, y], axis=-1)) / side).reshape(-1, 2)
     together = np.minimum(together, np.nextafter(1, 0))
     n = len(together)

@@ -21,8 +21,8 @@ from analysis import _arguments
 from qmcjax.core import checkpoints, checks, devices, tables
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import render
-from qmcjax.samplers import as_sampler
-from qmcjax.scenes import as_scene
+from qmcjax.samplers import SamplerLike, as_sampler
+from qmcjax.scenes import Scene, as_scene
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class ConvergenceTable:
 
 
 def convergence(
-    scene: Any,
-    samplers: Mapping[str, Any],
+    scene: Scene,
+    samplers: Mapping[str, SamplerLike | Callable[[int], SamplerLike]],
     spps: Iterable[int],
     *,
     width: int = 128,
@@ -133,7 +133,7 @@ def convergence(
     repeats: int = 3,
     reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> ConvergenceTable:
     """Render a scene with each sampler and number of samples, and measure error and time.
@@ -317,7 +317,7 @@ def _expected_seconds(rows: list[ConvergenceRow], sampler: str, spp: int) -> flo
 
 
 def time_render(
-    scene: Any, sampler: Any, width: int, height: int, spp: int, mesh: Mesh | None = None
+    scene: Scene, sampler: SamplerLike, width: int, height: int, spp: int, mesh: Mesh | None = None
 ) -> tuple[float, Array]:
     """Render, and return the seconds and the image."""
     start = time.perf_counter()

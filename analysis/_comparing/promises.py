@@ -10,7 +10,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks
-from qmcjax.samplers import Sampler, as_sampler
+from qmcjax.samplers import Sampler, SamplerLike, as_sampler
 
 _SIDE = 32
 """Side in pixels of the tested square."""
@@ -29,7 +29,7 @@ _ALONE = 16
 """Maximum number of coordinates that are requested alone."""
 
 
-def broken_promises(sampler: Any, width: int, height: int, spp: int) -> list[str]:
+def broken_promises(sampler: SamplerLike, width: int, height: int, spp: int) -> list[str]:
     """Return the rules for samplers that a sampler breaks.
 
     Its points must have the requested shape and dtype, float32 or float64, and be in [0, 1). They must be the

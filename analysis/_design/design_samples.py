@@ -84,7 +84,7 @@ def design_samples(
     denoiser: Denoiser | Sequence[Denoiser] | None = None,
     steps: int = 800,
     progress: Callable[[float], object] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
 ) -> DesignedSamples:
     """Design the points of a tile of pixels for a small error of filtered images, by gradient descent.
 

@@ -131,7 +131,7 @@ def minimize(
     noise: float = 0.0,
     project: Callable[[Any], Any] | None = None,
     progress: Callable[[float], object] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
 ) -> Minimized:
     """Minimise a measure of a sampler over its parameters, by stochastic gradient descent.
 

@@ -12,12 +12,12 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, devices, plug_ins, summation
 from qmcjax.core.pytrees import is_traced, jit
-from qmcjax.samplers import as_sampler
+from qmcjax.samplers import SamplerLike, as_sampler
 
 
 def pixel_means(
     function: Callable[[Array], Array],
-    sampler: Any,
+    sampler: SamplerLike,
     width: int,
     height: int,
     spp: int,

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -50,7 +49,7 @@ class SoftShadow:
     radius: Array | float
     """Of the disc."""
 
-    needs: ClassVar[tuple[str, ...]] = ("x", "y", "light", "light")
+    needs = ("x", "y", "light", "light")
 
     def __call__(self, point: Array) -> Array:
         """Return 1 where the floor sees the point on the light, else 0."""

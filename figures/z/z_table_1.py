@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from jax import Array
@@ -52,7 +52,7 @@ NOTE = (
 class Product:
     """The product of the coordinates on the screen."""
 
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         """Return x y."""

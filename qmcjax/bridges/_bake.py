@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from qmcjax.bridges._plain import pixel_points
 from qmcjax.bridges._table import BakedTable, make_table
 from qmcjax.core import checks
-from qmcjax.orders import as_order
-from qmcjax.samplers import Ranked, as_sampler
+from qmcjax.orders import OrderLike, as_order
+from qmcjax.samplers import Ranked, SamplerLike, as_sampler
 from qmcjax.sequences import BinarySequence
 
 MOST = 2**27
@@ -22,7 +22,7 @@ _LONGEST = 300
 
 
 def bake(
-    sampler: Any, tile: tuple[int, int], spp: int, dims: tuple[int, ...] = (0, 1), bits: int = 16
+    sampler: SamplerLike, tile: tuple[int, int], spp: int, dims: tuple[int, ...] = (0, 1), bits: int = 16
 ) -> BakedTable:
     """Make a table of the points of a sampler, for shaders and other programs.
 
@@ -125,7 +125,7 @@ def bake_mask(mask: ArrayLike, bits: int = 16) -> BakedTable:
     return make_table(words, bits, True, ("A mask, by qmcjax.", _of_tile(words, bits)))
 
 
-def bake_order(order: Any) -> BakedTable:
+def bake_order(order: OrderLike) -> BakedTable:
     """Make a table of the positions of pixels on a curve.
 
     Parameters

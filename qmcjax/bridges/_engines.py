@@ -8,7 +8,7 @@ from scipy.stats import qmc
 
 from qmcjax.core import checks
 from qmcjax.integration import randomise
-from qmcjax.sequences import Sequence, as_sequence, tabulated
+from qmcjax.sequences import Sequence, SequenceLike, as_sequence, tabulated
 
 
 def tabulate(generator: Any, n: int) -> Sequence:
@@ -101,7 +101,7 @@ class SequenceEngine(qmc.QMCEngine):
     """
 
     def __init__(
-        self, sequence: Any, *, optimization: str | None = None, rng: Any = None, seed: Any = None
+        self, sequence: SequenceLike, *, optimization: str | None = None, rng: Any = None, seed: Any = None
     ) -> None:
         sequence = as_sequence("sequence", sequence)
         if optimization is not None and not isinstance(optimization, str):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import jit
-from qmcjax.samplers import Sampler, as_sampler
+from qmcjax.samplers import Sampler, SamplerLike, as_sampler
 
 _TILE = 16
 _SAMPLES = 8
@@ -49,7 +49,7 @@ class PlainSampler:
     0.7102 0.9689 0.0561
     """
 
-    def __init__(self, sampler: Any, dtype: DTypeLike = np.float32) -> None:
+    def __init__(self, sampler: SamplerLike, dtype: DTypeLike = np.float32) -> None:
         self.sampler = as_sampler("sampler", sampler)
         self.dtype = checks.floating(dtype)
         self._all = tuple(range(self.sampler.dims))

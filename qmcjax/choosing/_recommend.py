@@ -23,7 +23,7 @@ from qmcjax.choosing._table import (
 )
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler
-from qmcjax.scenes import as_scene
+from qmcjax.scenes import Scene, as_scene
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Recommendation:
 
 
 def recommend(
-    needs: Any,
+    needs: Scene | tuple[str, ...] | int,
     spp: int,
     smooth: bool | None = None,
     *,

@@ -171,7 +171,7 @@ class Checkpoint:
     (8, 8)
     """
 
-    path: str | os.PathLike
+    path: str | os.PathLike[str]
     label: str
 
 

@@ -95,6 +95,18 @@ def as_given(value: Any) -> Any:
     return jax.tree.map(bare, value, is_leaf=lambda part: bool(derived(part)))
 
 
+def listing(*names: str) -> Callable[[Any], list[str]]:
+    """Return a method ``__dir__`` for completion: of our public names it lists these and fields."""
+
+    def listed(value: Any) -> list[str]:
+        if type(value).__module__.split(".")[0] != _PACKAGE:
+            return object.__dir__(value)
+        shown = {*names, *(field.name for field in fields(value))} - {"called"}
+        return [name for name in object.__dir__(value) if name.startswith("_") or name in shown]
+
+    return listed
+
+
 T = TypeVar("T", bound=type)
 R = TypeVar("R")
 

@@ -33,6 +33,7 @@ from qmcjax.integration._means import (
 )
 from qmcjax.sequences import (
     Sequence,
+    SequenceLike,
     as_sequence,
     linear_matrix_scramble,
     owen,
@@ -43,7 +44,7 @@ from qmcjax.sequences import (
 @overload
 def integrate(
     function: Callable[[Array], Any],
-    sequence: Sequence,
+    sequence: SequenceLike,
     n: int,
     start: int = 0,
     *,
@@ -58,7 +59,7 @@ def integrate(
 @overload
 def integrate(
     function: Callable[[Array], Any],
-    sequence: Sequence,
+    sequence: SequenceLike,
     n: int,
     start: int = 0,
     *,
@@ -75,7 +76,7 @@ def integrate(
 
 def integrate(
     function: Callable[[Array], Any],
-    sequence: Sequence,
+    sequence: SequenceLike,
     n: int,
     start: int = 0,
     *,

@@ -21,6 +21,7 @@ from qmcjax.orders._morton import morton as morton
 from qmcjax.orders._morton import raster as raster
 from qmcjax.orders._optimized import OptimizedOrder as OptimizedOrder
 from qmcjax.orders._optimized import optimized as optimized
+from qmcjax.orders._plug_in import OrderLike as OrderLike
 from qmcjax.orders._plug_in import as_order as as_order
 from qmcjax.orders._plug_in import permutation as permutation
 from qmcjax.orders._scrambled_morton import VARIANTS as VARIANTS

@@ -8,7 +8,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.pytrees import frozen_pytree, listing
 
 MAX_SIDE = checks.MAX_SIDE
 """Largest resolution for which positions fit a uint32."""
@@ -20,6 +20,8 @@ class Order(abc.ABC):
 
     :meth:`position` and :meth:`pixel` check their arguments. Samplers use the unchecked methods.
     """
+
+    __dir__ = listing("at_frame", "length", "pixel", "position", "raster")
 
     width: int = field(metadata={"static": True})
     height: int = field(metadata={"static": True})

@@ -1,7 +1,7 @@
 """User-defined orders: any object with an order's methods, and any permutation of the pixels."""
 
 from dataclasses import field
-from typing import Any
+from typing import Any, Protocol
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,21 @@ from qmcjax.core import checks
 from qmcjax.core.plug_ins import unwrap, wrap
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import FrameOrder, Order
+
+
+class _Positions(Protocol):
+    @property
+    def width(self) -> int: ...
+    @property
+    def height(self) -> int: ...
+    @property
+    def length(self) -> int: ...
+
+    def position(self, x: Array, y: Array, /) -> Any: ...
+
+
+OrderLike = Order | _Positions
+"""The type of what :func:`as_order` takes."""
 
 
 @frozen_pytree

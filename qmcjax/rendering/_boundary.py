@@ -12,8 +12,8 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import checks, devices, summation
 from qmcjax.core.pytrees import jit
-from qmcjax.scenes import as_scene
-from qmcjax.sequences import Sequence, as_sequence
+from qmcjax.scenes import Scene, as_scene
+from qmcjax.sequences import SequenceLike, as_sequence
 
 _PARTS = 8
 """Parts of the points, distributed over devices."""
@@ -23,8 +23,8 @@ _BLOCK = 2**10, 2**18
 
 
 def boundary_gradient(
-    scene: Any,
-    sequence: Sequence,
+    scene: Scene,
+    sequence: SequenceLike,
     width: int,
     height: int,
     n: int,
@@ -133,8 +133,8 @@ def boundary_gradient(
 
 @jit("width", "height", "rows", "dtype", "mesh")
 def _gradient(
-    scene: Any,
-    sequence: Sequence,
+    scene: Scene,
+    sequence: SequenceLike,
     n: Array,
     edges: Array,
     width: int,

@@ -15,7 +15,8 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import known, require
 from qmcjax.rendering._adaptive import AdaptiveImage
 from qmcjax.rendering._render_adaptive import render_adaptive
-from qmcjax.scenes import as_scene
+from qmcjax.samplers import SamplerLike
+from qmcjax.scenes import Scene, as_scene
 
 
 def sliding_means(images: Iterable[ArrayLike], count: int) -> Iterator[NDArray[np.float64]]:
@@ -69,9 +70,9 @@ def _means(images: Iterator[Any], count: int) -> Iterator[NDArray[np.float64]]:
 
 
 def render_layers(
-    moving: Any,
-    still: Any,
-    sampler: Any,
+    moving: Scene,
+    still: Scene,
+    sampler: SamplerLike,
     width: int,
     height: int,
     spp: int,

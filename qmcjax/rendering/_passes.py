@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,7 @@ from qmcjax.core import checkpoints, checks, devices, draws
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering._render import render, render_task
 from qmcjax.rendering._task import check_progress, open_checkpoint, task
-from qmcjax.scenes import as_scene
+from qmcjax.scenes import Scene, as_scene
 
 
 class Passes(NamedTuple):
@@ -39,8 +39,8 @@ rounding error: the epsilon of the dtype times the largest value."""
 
 
 def render_passes(
-    scene: Any,
-    sampler: Any,
+    scene: Scene,
+    sampler: samplers.Randomized,
     width: int,
     height: int,
     passes: int,
@@ -49,7 +49,7 @@ def render_passes(
     seconds: float | None = None,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Passes:
     """Average independently randomised passes of an image, up to an error or a time limit.
@@ -197,7 +197,7 @@ _DEVIATIONS = 5
 
 
 def estimated_reference(
-    scene: Any,
+    scene: Scene,
     width: int,
     height: int,
     spp: int,
@@ -205,7 +205,7 @@ def estimated_reference(
     *,
     dtype: DTypeLike = jnp.float64,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> tuple[NDArray[np.float64], float]:
     """Estimate the mean over each pixel from randomised replicates, with a bound on the errors.

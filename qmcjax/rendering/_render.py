@@ -19,11 +19,13 @@ from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.core.pytrees import jit
 from qmcjax.rendering import _accumulation
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, open_checkpoint, refuse, task
+from qmcjax.samplers import SamplerLike
+from qmcjax.scenes import Scene
 
 
 def render(
-    scene: Any,
-    sampler: Any,
+    scene: Scene,
+    sampler: SamplerLike,
     width: int,
     height: int,
     spp: int,
@@ -31,7 +33,7 @@ def render(
     split: Mapping[str, int] | None = None,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-    checkpoint: str | os.PathLike | Checkpoint | None = None,
+    checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
     mesh: Mesh | None = None,
 ) -> Array:
     """Average the samples of each pixel (box filter).

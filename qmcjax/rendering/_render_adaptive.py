@@ -11,11 +11,13 @@ from qmcjax.core import checks, devices
 from qmcjax.rendering._adaptive import AdaptiveImage, skip_constant
 from qmcjax.rendering._task import Task, check_progress, task
 from qmcjax.rendering.stopping import check_passes, until_tolerance
+from qmcjax.samplers import SamplerLike
+from qmcjax.scenes import Scene
 
 
 def render_adaptive(
-    scene: Any,
-    sampler: Any,
+    scene: Scene,
+    sampler: SamplerLike,
     width: int,
     height: int,
     spp: int,

@@ -15,6 +15,7 @@ from qmcjax.samplers._full_screen import full_screen as full_screen
 from qmcjax.samplers._independent import independent as independent
 from qmcjax.samplers._independent import interleaved as interleaved
 from qmcjax.samplers._of_functions import Randomized as Randomized
+from qmcjax.samplers._of_functions import SamplerLike as SamplerLike
 from qmcjax.samplers._of_functions import as_sampler as as_sampler
 from qmcjax.samplers._of_functions import function as function
 from qmcjax.samplers._of_functions import randomized as randomized

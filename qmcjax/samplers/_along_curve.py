@@ -15,10 +15,10 @@ from qmcjax.core import checks
 from qmcjax.core.bits import high_product
 from qmcjax.core.digits import word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import FrameOrder, OneFrame, Order, as_order
+from qmcjax.orders import FrameOrder, OneFrame, OrderLike, as_order
 from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import AlongCurve
-from qmcjax.sequences import BinarySequence, InTime, Sequence, as_sequence
+from qmcjax.sequences import BinarySequence, InTime, Sequence, SequenceLike, as_sequence
 
 Index = tuple[Array, Array]
 """High and low word."""
@@ -131,7 +131,7 @@ class Contiguous(AlongCurve):
         return replace(self, **moved)
 
 
-def contiguous(order: Order | FrameOrder, sequence: Sequence, spp: int) -> Contiguous:
+def contiguous(order: OrderLike | FrameOrder, sequence: SequenceLike, spp: int) -> Contiguous:
     """Sample the pixels along a curve with contiguous blocks of one sequence.
 
     Parameters
@@ -232,7 +232,7 @@ class Segments(Strided):
         return f"in whole iterations {super()._limited}"
 
 
-def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False) -> Segments:
+def segments(order: OrderLike, sequence: SequenceLike, spp: int, doubling: bool = False) -> Segments:
     """Sample progressively: each iteration takes the next segment of one sequence along the curve.
 
     An iteration of n samples per pixel consists of :func:`contiguous` blocks of n points, in a segment of N n
@@ -287,8 +287,8 @@ def segments(order: Order, sequence: Sequence, spp: int, doubling: bool = False)
     >>> from qmcjax import orders, samplers, sequences
     >>> halton = sequences.halton(3)
     >>> sampler = samplers.segments(orders.hilbert(4, 4), halton, spp=2, doubling=True)
-    >>> print(sampler(3, 0, 4) == halton(64 + 15 * 4, (0, 1)))  # last pixel, third iteration: 4 to 7
-    [ True  True]
+    >>> print(sampler(3, 0, 4) == halton(64 + 15 * 4))  # last pixel, third iteration: 4 to 7
+    [ True  True  True]
     """
     order, sequence = as_order("order", order), as_sequence("sequence", sequence)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)

@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.pytrees import frozen_pytree, listing
 
 
 class Sampler(abc.ABC):
@@ -25,6 +25,11 @@ class Sampler(abc.ABC):
 
     _limited = "for this sampler"
     """Reason for the limit on the number of samples, for error messages."""
+
+    __dir__ = listing(
+        *("adaptive", "at_frame", "check", "dims", "extended", "height", "limits", "of_pass", "points"),
+        *("prepare", "split", "spp", "width"),
+    )
 
     @property
     @abc.abstractmethod
@@ -188,7 +193,7 @@ class Sampler(abc.ABC):
         --------
         >>> from qmcjax import samplers
         >>> sampler = samplers.z(8, 8, spp=1, key=1, dims=4)
-        >>> print(sampler.split((2, 3), 4)(3, 5, 2, dims=(0, 1)) == sampler(3, 5, 0))
+        >>> print(sampler.split((2, 3), 4)(3, 5, 2, dims=(0, 1)) == sampler(3, 5, 0, dims=(0, 1)))
         [ True  True]
         """
         count = checks.integer("count", count, 1, checks.INDEX_LIMIT - 1)
@@ -216,7 +221,7 @@ class Sampler(abc.ABC):
         x: Array | int,
         y: Array | int,
         sample: Array | int,
-        dims: tuple[int, ...] = (0, 1),
+        dims: tuple[int, ...] | None = None,
         dtype: DTypeLike = jnp.float32,
     ) -> Array:
         """Return the points of the given pixels and samples.
@@ -225,8 +230,8 @@ class Sampler(abc.ABC):
         ----------
         x, y, sample : integer Array, broadcastable, or int
             Column, row, and number of the sample in the pixel. Traced values are not checked.
-        dims : tuple of int
-            The coordinates to compute, static.
+        dims : tuple of int, optional
+            The coordinates to compute, static. All by default.
         dtype : float32 or float64
 
         Returns

@@ -20,6 +20,7 @@ from qmcjax.sequences import (
     InTime,
     Owen,
     Sequence,
+    SequenceLike,
     as_sequence,
     in_time,
     roberts,
@@ -75,7 +76,7 @@ class Dithered(InEveryPixel):
         return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
 
 
-def dither(mask: ArrayLike, sequence: Sequence) -> Dithered:
+def dither(mask: ArrayLike, sequence: SequenceLike) -> Dithered:
     """Sample every pixel with the same points, shifted on the torus by its value in a tiled mask.
 
     With a blue noise mask, as from :func:`blue_noise_mask`, the values of neighbours differ, and so do their

@@ -22,7 +22,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import ForImage
-from qmcjax.sequences import Invertible, RadicalInverses, Sequence, inverted
+from qmcjax.sequences import Invertible, RadicalInverses, SequenceLike, inverted
 
 
 @frozen_pytree
@@ -194,7 +194,7 @@ class FullScreen(ForImage):
             raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
 
-def full_screen(net: Invertible | Sequence, width: int, height: int) -> FullScreen | HaltonFullScreen:
+def full_screen(net: Invertible | SequenceLike, width: int, height: int) -> FullScreen | HaltonFullScreen:
     """Sample the whole screen with one net: each pixel takes the points that fall into it.
 
     Inverting the net in integer arithmetic gives the indices of a pixel's points, without tables.

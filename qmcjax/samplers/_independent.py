@@ -15,7 +15,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._base import Sampler, joined, more_samples
 from qmcjax.samplers._kinds import InEveryPixel
 from qmcjax.samplers._of_functions import as_sampler
-from qmcjax.sequences import BinarySequence, Sequence, as_sequence
+from qmcjax.sequences import BinarySequence, Sequence, SequenceLike, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
 
@@ -55,7 +55,7 @@ class Independent(InEveryPixel):
         return jnp.stack(values, axis=-1)
 
 
-def independent(sequence: Sequence, key: Array | int, randomize: str = "owen") -> Independent:
+def independent(sequence: SequenceLike, key: Array | int, randomize: str = "owen") -> Independent:
     """Sample every pixel with the first points of a sequence, randomised independently per pixel.
 
     Parameters
@@ -152,7 +152,9 @@ class Interleaved(Sampler):
         super().check(width, height, spp)
 
 
-def interleaved(sequence: Sequence, spp: int, tile: int = 1, positions: Sampler | None = None) -> Interleaved:
+def interleaved(
+    sequence: SequenceLike, spp: int, tile: int = 1, positions: Sampler | None = None
+) -> Interleaved:
     """Sample all tiles of the image with the same points, the pixels of a tile with blocks of one sequence.
 
     For renderers that render whole images at one time, or with one vector of all coordinates but the pixel

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import field, replace
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,33 @@ from qmcjax.samplers._kinds import OfDims
 MAX_DIMS = 2**16
 
 _PROTOCOL = "dims, and either a call on (x, y, sample, dims[, dtype]) or the methods prepare and points"
+
+
+class _Calls(Protocol):
+    @property
+    def dims(self) -> int: ...
+
+    def __call__(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], /) -> Any: ...
+
+
+class _CallsInDtype(Protocol):
+    @property
+    def dims(self) -> int: ...
+
+    def __call__(self, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: Any, /) -> Any: ...
+
+
+class _Prepares(Protocol):
+    @property
+    def dims(self) -> int: ...
+
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...], /) -> Any: ...
+
+    def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: Any, /) -> Any: ...
+
+
+SamplerLike = Sampler | _Calls | _CallsInDtype | _Prepares
+"""The type of what :func:`as_sampler` takes."""
 
 
 @frozen_pytree
@@ -193,7 +220,7 @@ class Randomized(OfDims):
 
 
 def randomized(
-    sampler_of_key: Callable[[Array], Any], key: Array | int, spp: int | None = None
+    sampler_of_key: Callable[[Array], SamplerLike], key: Array | int, spp: int | None = None
 ) -> Randomized:
     """Sample in passes, each with a freshly randomised sampler.
 

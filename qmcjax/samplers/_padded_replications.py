@@ -13,7 +13,7 @@ from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
 from qmcjax.samplers._kinds import ForImage
-from qmcjax.sequences import Invertible, Sequence, as_sequence, inverted, uniform
+from qmcjax.sequences import Invertible, Sequence, SequenceLike, as_sequence, inverted, uniform
 
 
 @frozen_pytree
@@ -61,7 +61,11 @@ class PaddedReplications(ForImage):
 
 
 def padded_replications(
-    net: Invertible | Sequence, width: int, height: int, offsets: Sequence | Array | int, jitter: bool = True
+    net: Invertible | SequenceLike,
+    width: int,
+    height: int,
+    offsets: SequenceLike | Array | int,
+    jitter: bool = True,
 ) -> PaddedReplications:
     """Sample the screen repeatedly with one point of a net per pixel, with a new shift each time.
 

@@ -12,10 +12,10 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.digits import permuted_digit, word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.orders import Order, as_order
+from qmcjax.orders import OrderLike, as_order
 from qmcjax.samplers._along_curve import Strided, plus, points_64, times
 from qmcjax.samplers._kinds import AlongCurve
-from qmcjax.sequences import Sequence, as_sequence
+from qmcjax.sequences import Sequence, SequenceLike, as_sequence
 
 
 @frozen_pytree
@@ -76,7 +76,7 @@ class ExactlyPartitioned(Partitioned):
 
 
 def partitioned(
-    order: Order, sequence: Sequence, component: int | None = None, exact: bool = False
+    order: OrderLike, sequence: SequenceLike, component: int | None = None, exact: bool = False
 ) -> Partitioned | ExactlyPartitioned:
     """Give each pixel its own low discrepancy sequence by partitioning one sequence.
 
@@ -209,7 +209,7 @@ class ShiftedAlong(AlongCurve):
         return jnp.stack(rotated, axis=-1)
 
 
-def shifted(order: Order, shifts: Sequence, sequence: Sequence) -> ShiftedAlong:
+def shifted(order: OrderLike, shifts: SequenceLike, sequence: SequenceLike) -> ShiftedAlong:
     """Sample every pixel with the same points, rotated by a low discrepancy sequence along the curve.
 
     Pixel j of the curve adds point j of ``shifts`` to all points of ``sequence``, modulo 1: a

@@ -82,4 +82,4 @@ else:
         return globals()[name]
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), "traced", *_TRACED})
+        return sorted({*globals(), "traced", *_TRACED} - {"importlib", "typing"})

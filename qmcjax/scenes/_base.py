@@ -4,7 +4,7 @@ import abc
 import inspect
 from collections.abc import Callable
 from functools import wraps
-from typing import Any, ClassVar, Protocol
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -25,8 +25,9 @@ class Scene(Protocol):
     Dimensions 0 and 1 are the position on the screen, x to the right and y downward: pixel ``(x, y)`` covers
     ``[x, x+1)/width`` times ``[y, y+1)/height`` and is ``image[y, x]``.
 
-    Optional attributes are ``reference`` and:
+    Optional attributes are:
 
+    - ``reference(width, height)``, the mean over each pixel, and a bound on the error of every pixel.
     - ``varies(low, high)``, from opposite corners of boxes of points, shape (..., len(needs)), to a bool
       Array of that shape: False in place j guarantees that within the box the value does not depend on
       coordinate j. If all are False, the value is constant.
@@ -41,10 +42,12 @@ class Scene(Protocol):
       errors.
     """
 
-    needs: ClassVar[tuple[str, ...]]
-    """The name of each dimension, in the order of the point's coordinates."""
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """The name of each dimension, in the order of the point's coordinates."""
+        ...
 
-    def __call__(self, point: Array) -> Array:
+    def __call__(self, point: Array, /) -> Array:
         """Evaluate the scene.
 
         Parameters
@@ -55,10 +58,6 @@ class Scene(Protocol):
         -------
         float Array, shape (...), of the dtype of ``point``
         """
-        ...
-
-    def reference(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        """Return the mean over each pixel, and a bound on the absolute error of every pixel."""
         ...
 
 

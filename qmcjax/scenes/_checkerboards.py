@@ -1,7 +1,5 @@
 """Checkerboards: on a ground plane that extends to the horizon, and seen from above at any angle."""
 
-from typing import ClassVar
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -27,7 +25,7 @@ class Checkerboard(ExactScene):
 
     squares: Array | float
     """Number of squares across the lower edge of the image."""
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         x, y, squares = point[..., 0], point[..., 1], cast_edges(self, point.dtype).squares
@@ -103,7 +101,7 @@ class FlatCheckerboard(ExactScene):
     """Number of squares across the image."""
     angle: Array | NDArray[np.float64]
     """In radians, from x to y."""
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         scene = cast_edges(self, point.dtype)

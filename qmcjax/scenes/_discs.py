@@ -1,7 +1,7 @@
 """Discs: still, or visible for a part of the time."""
 
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -76,7 +76,7 @@ class Disc(ExactScene):
     """(x, y)"""
     radius: Array | NDArray[np.float64]
 
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         scene = cast_edges(self, point.dtype)

@@ -2,7 +2,7 @@
 
 import abc
 import math
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +26,7 @@ _REACH = 1.5
 class HalfPlanes(ExactScene):
     """Steps along one direction: a multiple of the sum of ``sign [x cos(angle) + y sin(angle) < offset]``."""
 
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     angle: Any
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import field
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -65,7 +65,7 @@ class Gaussian(ExactScene):
     """Position of the maximum, shape (2,)."""
     width: Any
     """Its standard deviation."""
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         scene = cast(self, point.dtype)

@@ -1,6 +1,6 @@
 """A triangle."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,7 +23,7 @@ class Triangle(ExactScene):
 
     vertices: Array | Floats
     """The three corners (x, y), in either orientation, shape (3, 2)."""
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         vertices = cast_edges(self, point.dtype).vertices

@@ -1,7 +1,6 @@
 """The zone plate test pattern."""
 
 import math
-from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,7 +18,7 @@ class ZonePlate(ExactScene):
 
     frequency: Array | float
     """The phase in radians at distance 1 from the corner."""
-    needs: ClassVar[tuple[str, ...]] = ("x", "y")
+    needs = ("x", "y")
 
     def __call__(self, point: Array) -> Array:
         x, y, frequency = point[..., 0], point[..., 1], cast(self.frequency, point.dtype)

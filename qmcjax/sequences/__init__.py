@@ -56,6 +56,7 @@ from qmcjax.sequences._protocol.binary import BinarySequence as BinarySequence
 from qmcjax.sequences._protocol.binary import Blocks as Blocks
 from qmcjax.sequences._protocol.binary import Fraction as Fraction
 from qmcjax.sequences._protocol.binary import as_binary as as_binary
+from qmcjax.sequences._protocol.plug_in import SequenceLike as SequenceLike
 from qmcjax.sequences._protocol.plug_in import as_sequence as as_sequence
 from qmcjax.sequences._protocol.plug_in import function as function
 from qmcjax.sequences._protocol.plug_in import tabulated as tabulated

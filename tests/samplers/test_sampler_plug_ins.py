@@ -21,7 +21,7 @@ def test_any_integers_are_pixels_and_samples(kind):
     assert np.array_equal(
         sampler(kind(3), kind(5), kind(1)), sampler(np.uint32(3), np.uint32(5), np.uint32(1))
     )
-    assert sampler([1, 2], 0, np.arange(2)).shape == (2, 2)
+    assert sampler([1, 2], 0, np.arange(2)).shape == (2, 3)
 
 
 def centred(x, y, sample, dims):

@@ -556,7 +556,7 @@ def values_of(sampler, sample):
     """Return values less their mean, shape (64, samples) each: of a smooth product, and of a disc."""
     side = jnp.arange(8, dtype=jnp.uint32)
     with jax.enable_x64(True):
-        points = sampler(side[None, :, None], side[:, None, None], sample, dtype=jnp.float64)
+        points = sampler(side[None, :, None], side[:, None, None], sample, (0, 1), jnp.float64)
         u, v = points.reshape(64, -1, 2)[..., 0], points.reshape(64, -1, 2)[..., 1]
         smooth = jnp.sin(np.pi * u) * jnp.sin(np.pi * v) - 4 / np.pi**2
         disc = jnp.where(u**2 + v**2 < 1, 1 - np.pi / 4, -np.pi / 4)

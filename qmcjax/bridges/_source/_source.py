@@ -17,9 +17,10 @@ from qmcjax.bridges._source._seeds import Seeded, noun, padding_words
 from qmcjax.bridges._source._writer import Source, Writer
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import is_own, unwrap
-from qmcjax.orders import Order
-from qmcjax.samplers import Sampler
-from qmcjax.sequences import Sequence
+from qmcjax.orders import Order, OrderLike
+from qmcjax.samplers import Sampler, SamplerLike
+from qmcjax.scenes import Scene
+from qmcjax.sequences import Sequence, SequenceLike
 
 _LONGEST = 300
 
@@ -42,7 +43,7 @@ _WORD = jax.ShapeDtypeStruct((), np.uint32)
 
 
 def source(
-    sampler: Any,
+    sampler: SamplerLike | SequenceLike | OrderLike | Scene,
     dims: tuple[int, ...] | None = (0, 1),
     language: str = "c",
     name: str = "mine",

@@ -25,8 +25,12 @@ class Traced:
     estimator: Any
     """Maps points to radiance; contains the world and the camera."""
 
-    @cached_property
+    @property
     def needs(self) -> tuple[str, ...]:
+        return self._needs
+
+    @cached_property
+    def _needs(self) -> tuple[str, ...]:
         return self.estimator.needs
 
     def __call__(self, point: Array) -> Array:

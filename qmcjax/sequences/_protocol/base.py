@@ -14,6 +14,7 @@ from jax.typing import ArrayLike, DTypeLike
 
 from qmcjax.core import checks
 from qmcjax.core.draws import plus_modulo_1
+from qmcjax.core.pytrees import listing
 from qmcjax.sequences._protocol.many_points import materialize
 
 FEW = 8
@@ -31,6 +32,8 @@ class Sequence(abc.ABC):
 
     reported = ("dims", "size")
     """Attributes shown in the repr."""
+
+    __dir__ = listing("bits", "dims", "points", "size")
 
     @property
     @abc.abstractmethod

@@ -223,7 +223,9 @@ class BinarySequence(Sequence):
             blocks = self.blocks(jax.device_put(np.uint32(start)), -(-n // ROWS), ROWS)
         if blocks is None:
             return super()._maker(start, n, dtype)
-        return lambda first, count: _blockwise(self, blocks, jax.device_put(np.uint32(first // ROWS)), count, dtype)
+        return lambda first, count: _blockwise(
+            self, blocks, jax.device_put(np.uint32(first // ROWS)), count, dtype
+        )
 
     def inverted(self, log_side: int) -> Any:
         """Return an object that finds points from their cells in a raster of ``2**log_side`` cells per side.

@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable
 from dataclasses import field
-from typing import Any
+from typing import Any, Protocol
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +18,24 @@ from qmcjax.sequences._protocol.base import Sequence
 from qmcjax.sequences._protocol.binary import WordFirst
 
 _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns points [..., dims]"
+
+
+class _Indexed(Protocol):
+    @property
+    def dims(self) -> int: ...
+
+    def __call__(self, index: Array, /) -> Any: ...
+
+
+class _Selecting(Protocol):
+    @property
+    def dims(self) -> int: ...
+
+    def __call__(self, index: Array, /, dims: tuple[int, ...], dtype: Any) -> Any: ...
+
+
+SequenceLike = Sequence | _Indexed | _Selecting
+"""The type of what :func:`as_sequence` takes."""
 
 
 @frozen_pytree

@@ -11,7 +11,7 @@ from qmcjax.core.bits import gray_encode
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Derived, PointByPoint, Sequence
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, FractionFirst, as_binary
-from qmcjax.sequences._protocol.plug_in import as_sequence
+from qmcjax.sequences._protocol.plug_in import SequenceLike, as_sequence
 
 
 class Selection(PointByPoint):
@@ -86,7 +86,7 @@ class BinaryComponents(Selection, FractionFirst):
         )
 
 
-def components(sequence: Sequence, dims: tuple[int, ...]) -> Components | BinaryComponents:
+def components(sequence: SequenceLike, dims: tuple[int, ...]) -> Components | BinaryComponents:
     """Select components of a sequence, in any order.
 
     Parameters

@@ -17,7 +17,7 @@ from qmcjax.sequences._digital.cells import Flipped
 from qmcjax.sequences._halton.halton import random_tables
 from qmcjax.sequences._protocol.base import DigitSequence, PointByPoint, Sequence, with_digits
 from qmcjax.sequences._protocol.binary import BinarySequence, Fraction, as_binary
-from qmcjax.sequences._protocol.plug_in import as_sequence
+from qmcjax.sequences._protocol.plug_in import SequenceLike, as_sequence
 from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, of_dims
 
 
@@ -100,7 +100,7 @@ class Rotated(PointByPoint):
 
 
 def rotate(
-    sequence: Sequence, offset_or_key: ArrayLike | None = None, *, key: Array | int | None = None
+    sequence: SequenceLike, offset_or_key: ArrayLike | None = None, *, key: Array | int | None = None
 ) -> RotatedBinary | Rotated:
     """Shift all points of a sequence by one vector on the torus: the Cranley-Patterson rotation.
 
@@ -137,7 +137,9 @@ def rotate(
     """
     sequence = as_sequence("sequence", sequence)
     if (offset_or_key is None) == (key is None):
-        raise TypeError("offset_or_key, or key instead, must be given, got " + ("none" if key is None else "both"))
+        raise TypeError(
+            "offset_or_key, or key instead, must be given, got " + ("none" if key is None else "both")
+        )
     if key is None:
         offsets = fractions_or_key("offset_or_key", offset_or_key, (sequence.dims,))
     else:

@@ -75,3 +75,10 @@ def test_the_readmes_examples_run(tmp_path):
     command = [sys.executable, "-W", "error", "README.py"]
     ended = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert ended.returncode == 0, ended.stderr
+
+
+def test_completion_shows_public_names():
+    assert not {"importlib", "typing"} & {*dir(qmcjax), *dir(qmcjax.scenes)}
+    shown = [name for name in dir(qmcjax.sequences.sobol(2)) if not name.startswith("_")]
+    assert shown == ["bits", "dims", "matrices", "points", "size", "steps", "upper"]
+    assert not {"most", "consecutive", "up_to"} & {*dir(qmcjax.samplers.z(4, 4, 4, key=1))}

@@ -95,7 +95,7 @@ def as_given(value: Any) -> Any:
     return jax.tree.map(bare, value, is_leaf=lambda part: bool(derived(part)))
 
 
-def listing(*names: str) -> Callable[[Any], list[str]]:
+def listing(*names: str) -> Any:
     """Return a method ``__dir__`` for completion: of our public names it lists these and fields."""
 
     def listed(value: Any) -> list[str]:

@@ -1,7 +1,7 @@
 """Samplers: from a pixel and a sample to a point of a sequence.
 
-Every sampler is called with ``(x, y, sample, dims)``. Coordinates 0 and 1 are the position inside the pixel
-(x, y), the rest are the scene's, in the order of ``scene.needs``.
+Every sampler is called with ``(x, y, sample, dims)``, by default for all dimensions. Coordinates 0 and 1 are
+the position inside the pixel (x, y), the rest are the scene's, in the order of ``scene.needs``.
 """
 
 from qmcjax.samplers._along_curve import contiguous as contiguous

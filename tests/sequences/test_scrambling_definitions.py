@@ -340,3 +340,11 @@ def test_zeros_behind_the_digits_are_scrambled(scramble, count):
         assert chi_squared((tails[:, one, 0] * 16).astype(int), 16) < 5
         assert np.all(apart < 0.001) if shared else chi_squared((apart[:, 0] * 16).astype(int), 8) < 5
     assert chi_squared((tails[:, 0] * 4).astype(int) @ [4, 1], 16) < 5
+
+
+def test_a_rotation_takes_a_key_by_either_name():
+    by_name, by_place = sequences.rotate(sequences.sobol(2), key=7), sequences.rotate(sequences.sobol(2), 7)
+    assert by_name == by_place
+    for arguments in ({}, {"offset_or_key": 1, "key": 2}):
+        with pytest.raises(TypeError, match="either offset_or_key or key must be given"):
+            sequences.rotate(sequences.sobol(2), **arguments)

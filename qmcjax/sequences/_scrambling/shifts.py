@@ -137,9 +137,8 @@ def rotate(
     """
     sequence = as_sequence("sequence", sequence)
     if (offset_or_key is None) == (key is None):
-        raise TypeError(
-            "offset_or_key, or key instead, must be given, got " + ("none" if key is None else "both")
-        )
+        given = "neither" if key is None else "both"
+        raise TypeError(f"either offset_or_key or key must be given, got {given}")
     if key is None:
         offsets = fractions_or_key("offset_or_key", offset_or_key, (sequence.dims,))
     else:

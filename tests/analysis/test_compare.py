@@ -416,7 +416,7 @@ def test_slopes(comparison):
 def test_points_are_measured_where_they_are(comparison):
     measured = comparison.points["fixed"][4]
     y, x, sample = np.indices((16, 16, 4), np.uint32)
-    own = np.asarray(KEPT["screen"](x, y, sample), np.float64)
+    own = np.asarray(KEPT["screen"](x, y, sample, (0, 1)), np.float64)
     whole = ((own + np.stack([x, y], axis=-1)) / 16).reshape(-1, 2)
     assert measured["star discrepancy"] == pytest.approx(analysis.star_discrepancy(whole), rel=1e-12)
     assert measured["largest t in a pixel"] == max(

@@ -13,6 +13,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
 from qmcjax.orders._hierarchy import Hashed
+from qmcjax.orders._morton import morton
 
 
 @frozen_pytree
@@ -29,30 +30,9 @@ class OptimizedOrder(SquareOrder):
         """Side of the part of the tile that repeats, or is the whole raster: a power of two."""
         return min(self.positions.shape[0], 2**self.log_side)
 
-    def family(self, key: Array, count: int) -> "OptimizedOrder":
-        """Return several orders as one object, for :meth:`member`.
-
-        Parameters
-        ----------
-        key : jax.random.key
-        count : int, at least 1
-
-        Returns
-        -------
-        OptimizedOrder
-            This order and ``count - 1`` others. Any eight consecutive ones have different symmetries.
-        """
-        others = draws.bits(key, (count - 1, 4), jnp.uint32)
-        return replace(self, words=jnp.concatenate([self.words[None], others]))
-
     def for_count(self, spp: int) -> "OptimizedOrder":
         """Return the order for another number of samples per pixel, with the same words."""
         return replace(self, positions=jnp.asarray(_positions(_table(spp))))
-
-    def member(self, number: int) -> "OptimizedOrder":
-        """Return one order of a :meth:`family`; member 0 is the original order."""
-        turned = self.words[0, 0] + np.uint32(number)
-        return replace(self, words=self.words[number].at[0].set(turned))
 
     @property
     def _tiles(self) -> Hashed:
@@ -114,6 +94,29 @@ class OptimizedOrder(SquareOrder):
         column, row = self._tiles.unchecked_pixel(position >> (2 * self._log_tile))
         return (column << self._log_tile) | x, (row << self._log_tile) | y
 
+    def rearranged_position(self, seed: Array, x: Array, y: Array) -> Array:
+        """Return the positions of pixels in another order, as independent of this one as hashes are.
+
+        Blocks of up to 4 x 4 pixels follow a scrambled Morton order. Each has the order of a block of the
+        tile, drawn with its symmetry: so a square keeps one contiguous aligned run of positions.
+
+        Parameters
+        ----------
+        seed : uint32 Array, shape ()
+        x, y : uint32 Array, of one shape
+        """
+        log_block = min(_LOG_BLOCK, self.log_side)
+        block, code = 2**log_block, morton(self.width, self.height).unchecked_position(x, y)
+        blocks = Hashed(self.width, self.height, seed)
+        position, node = blocks.scrambled(code >> (2 * log_block), self.log_side - log_block)
+        # Separate bits of the hash of the path to a block: symmetry, column, row.
+        words = (node, node, node >> _LOG_BLOCK, node)
+        inside = replace(self, width=block, height=block, words=words).unchecked_position(x, y)
+        return (position << (2 * log_block)) | inside
+
+
+_LOG_BLOCK = 2
+"""Binary logarithm of the side of a block."""
 
 MAX_COUNT = 2**31
 """Most samples per pixel: shifts of 32-bit words allow no more."""

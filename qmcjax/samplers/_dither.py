@@ -10,7 +10,7 @@ from jax.typing import ArrayLike, DTypeLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, draws, tables
-from qmcjax.core.bits import to_unit
+from qmcjax.core.bits import hash_pair, to_unit
 from qmcjax.core.draws import fractions
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._kinds import InEveryPixel
@@ -28,8 +28,8 @@ from qmcjax.sequences import (
     sobol,
 )
 
-_STRIDE = (0.5698402909980532, 0.7548776662466927)
-"""1/p**2 and 1/p with p**3 = p + 1: their multiples modulo 1 stay far apart."""
+_LOG_BLOCK = 4
+"""Binary logarithm of the side of the blocks in which further copies of the mask have a translation each."""
 
 MAX_DIMS_IN_TIME = 64
 """Most dimensions of the sequence that shifts frames."""
@@ -61,19 +61,25 @@ class Dithered(InEveryPixel):
             )
         return replace(self, frame=checks.frame(frame))
 
+    def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
+        """Return the offsets of the pixels: further copies of the mask are translated block by block."""
+        rows, columns, channels = self.offsets.shape
+        down, right = (max(min(_LOG_BLOCK, n.bit_length() - 2), 0) for n in (rows, columns))
+        block, found = hash_pair(x >> right, y >> down), {}
+        for j in dims:
+            copy, channel = divmod(j, channels)
+            row, column = y % np.uint32(rows), x % np.uint32(columns)
+            if copy:
+                move = hash_pair(block, jnp.uint32(copy))
+                row = (row + (move >> 16) % np.uint32(rows)) % np.uint32(rows)
+                column = (column + (move & np.uint32(0xFFFF)) % np.uint32(columns)) % np.uint32(columns)
+            found[j] = self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
+        return found
+
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        x, y = state
         moved = self.sequence if self.frame is None else rotate(self.sequence, roberts(self.dims)(self.frame))
         rotated = moved.rotated_coordinate
-        return jnp.stack([rotated(sample, j, self._offset(x, y, j), dtype) for j in dims], axis=-1)
-
-    def _offset(self, x: Array, y: Array, dim: int) -> Array:
-        rows, columns, channels = self.offsets.shape
-        copy, channel = divmod(dim, channels)
-        down, right = (int(copy * s % 1 * n) for s, n in zip(_STRIDE, (rows, columns), strict=True))
-        row = (y % np.uint32(rows) + np.uint32(down)) % np.uint32(rows)
-        column = (x % np.uint32(columns) + np.uint32(right)) % np.uint32(columns)
-        return self.offsets[:, :, channel].at[row, column].get(mode="promise_in_bounds")
+        return jnp.stack([rotated(sample, j, state[j], dtype) for j in dims], axis=-1)
 
 
 def dither(mask: ArrayLike, sequence: SequenceLike) -> Dithered:
@@ -88,7 +94,7 @@ def dither(mask: ArrayLike, sequence: SequenceLike) -> Dithered:
         Floats in [0, 1), rounded down to 32-bit fractions, or these fractions as uint32. uint8 and uint16 are
         levels: k of 256 is (k + 1/2) / 256, as in :func:`qmcjax.bridges.read_mask`. Pixel (x, y) is shifted
         by ``mask[y % rows, x % columns]``. Further coordinates of the sequence reuse the channels of the
-        mask, each time translated by a different long vector.
+        mask.
     sequence : Sequence
         Preferably uniform on the torus, like :func:`qmcjax.sequences.lattice`. Shifts do not preserve
         elementary intervals.
@@ -106,7 +112,11 @@ def dither(mask: ArrayLike, sequence: SequenceLike) -> Dithered:
     samples, the error varies faster, as a periodic function of the shift, and its spectrum approaches white
     noise.
 
-    Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``rotate``.
+    Each sample of a pixel is uniform over keys if each point of the sequence is, as after ``rotate``. Over
+    keys, coordinates are as independent as those of the sequence. In one image, groups of as many coordinates
+    as the mask has channels are as independent as random points with equal strata are: in all but the first
+    group, a hash translates the mask anew in each block of 16 x 16 pixels, or of half the side of a smaller
+    mask. Filtered errors of these groups are up to 1.1 times those of the first one.
 
     References
     ----------

@@ -19,7 +19,7 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._along_curve import Contiguous, needed
 from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import ForImage, OfDims
-from qmcjax.samplers._z_index import append
+from qmcjax.samplers._z_index import append, shuffled
 from qmcjax.sequences import (
     BinarySequence,
     Digital,
@@ -229,22 +229,9 @@ class Optimized(ForImage, OfDims):
         spp = more_samples(self.spp, count, MAX_SPP, powers=True)
         return replace(self, order=self.order.for_count(spp), ranks=_ranks_for(spp), spp=spp)
 
-    def _shuffled(self, sample: Array, seed: Array) -> Array:
-        """Permute the numbers of samples with nested permutations that keep 0, so the first 2**k stay first.
-
-        Each set digit xors the digits below it with random ones, as in Matousek's scrambling.
-        """
-        number = sample
-        for k in range(1, self._digits):
-            # Separate bits while the seed has any.
-            place = k * (k - 1) // 2 % 32
-            random = (seed >> place) | (seed << (32 - place) if place else seed)
-            number = number ^ (random & np.uint32(2**k - 1) & (np.uint32(0) - ((sample >> k) & np.uint32(1))))
-        return number
-
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         position, rank, seed = state
-        high, low = append(position, self._shuffled(sample, seed) ^ rank, self._digits)
+        high, low = append(position, shuffled(sample, seed, self._digits) ^ rank, self._digits)
         sequence = self._sequence
         if needed(self.order.length * self.spp, sequence):
             sequence = sequence.with_high_word(high)
@@ -305,7 +292,8 @@ def optimized(
     the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel are such a block of ``2**j``.
     So they are (t, m, s)-nets with the t of the sequence: 0 in two dimensions, 1 for Niederreiter-Xing. Each
     sample of each pixel is uniform over keys, including the first. In each image, the first samples of all
-    pixels are spread over each coordinate, for any spp.
+    pixels are spread over each coordinate, for any spp; but with more than eight dimensions, where the search
+    ended, those of some pairs of coordinates depend on each other until all samples are taken.
 
     In up to two dimensions, each square of a tile of 64 x 64 pixels has its own permutation. From three
     dimensions on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the

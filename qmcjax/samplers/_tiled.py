@@ -3,6 +3,7 @@
 from dataclasses import field, replace
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
@@ -15,12 +16,19 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import morton
 from qmcjax.samplers._base import more_samples
 from qmcjax.samplers._kinds import OfDims
+from qmcjax.samplers._z_index import shuffled
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
 
 _MOVES, _TURNS, _JITTER, _SHUFFLE = 0, 3, 5, 7
 """First seeds of translations (of columns, rows, frames), of turns, of jitter and of boxes."""
 
 _SEEDS = 8
+
+_STREAM = 0x636F7079
+"""Stream number of the seeds of further coordinates, distinct from all others of a key."""
+
+_LOG_BLOCK = 4
+"""Binary logarithm of the side of the blocks in which further coordinates have a translation each."""
 
 MAX_SPP = 2**16
 
@@ -38,7 +46,7 @@ class Tiled(OfDims):
     tile: Array
     """uint16 (rows, columns, frames, spp, dims): area and place of each pair of coordinates."""
     seeds: Array
-    """uint32 (8, 2)."""
+    """uint32 (copies, 8, 2): the tile is copied for each group of as many coordinates as it has."""
     frame: Array
     """uint32: the number of the frame."""
     spp: int = field(metadata={"static": True})
@@ -70,8 +78,16 @@ class Tiled(OfDims):
         return replace(self, tile=words, spp=spp, first=2**16 * (spp.bit_length() - 1))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        hashed = hash_pair(x ^ self.seeds[_JITTER, 0], y ^ self.seeds[_JITTER, 1])
-        return x, y, hashed, self._first_box(x, y) if self._boxes > 1 else None
+        hashed = hash_pair(x ^ self.seeds[0, _JITTER, 0], y ^ self.seeds[0, _JITTER, 1])
+        down, right = (max(min(_LOG_BLOCK, n.bit_length() - 2), 0) for n in self.tile.shape[:2])
+        block, copies = hash_pair(x >> right, y >> down), {}
+        for copy in sorted({j // self.tile.shape[-1] for j in dims}):
+            moves = self._moves(copy, jnp.uint32(0), block) if self._boxes == 1 else ()
+            copies[copy] = (
+                moves,
+                hash_pair(hashed ^ self.seeds[copy, _JITTER, 0], self.seeds[copy, _JITTER, 1]),
+            )
+        return x, y, hashed, self._first_box(x, y) if self._boxes > 1 else None, block, copies
 
     @property
     def _boxes(self) -> int:
@@ -86,7 +102,7 @@ class Tiled(OfDims):
         number = morton(checks.MAX_SIDE, checks.MAX_SIDE).unchecked_position(x ^ y, y) ^ self.frame
         for shift, mask in _PASCAL:
             number = number ^ ((number & np.uint32(mask)) << shift)
-        return (number ^ self.seeds[_SHUFFLE, 0]) & np.uint32(self._boxes - 1)
+        return (number ^ self.seeds[0, _SHUFFLE, 0]) & np.uint32(self._boxes - 1)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         size, first, dims = self.tile.shape[-1], state[3], tuple(self.first + j for j in dims)
@@ -97,24 +113,40 @@ class Tiled(OfDims):
 
     def _moved(self, state: Any, sample: Array, copy: int) -> tuple[Array, tuple[Array, ...]]:
         """Return the number of the box, and the place in the tile, of one copy of its dimensions."""
-        x, y, hashed, _ = state
-        boxes = self._boxes
+        x, y, hashed, _, block, copies = state
+        boxes, (moves, shuffle) = self._boxes, copies[copy]
         box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
+        if copy:
+            # The first 2**k samples of a pixel remain so, but meet those of other copies in another order.
+            number = shuffled(number, shuffle, self.tile.shape[3].bit_length() - 1)
         if copy and boxes > 1:
             # New in each frame, so boxes of two copies combine in all ways over time.
-            anew = self.seeds[_SHUFFLE, 1] ^ np.uint32(copy) ^ (self.frame << 16)
-            seed = hash_pair(hashed ^ self.seeds[_SHUFFLE, 0], anew)
+            seed = hash_pair(hashed ^ self.seeds[copy, _SHUFFLE, 1], self.frame)
             digits = boxes.bit_length() - 1
             box = reverse(owen_hash(reverse(box << np.uint32(32 - digits)), seed)) >> np.uint32(32 - digits)
+            box = box ^ (self.seeds[copy, _SHUFFLE, 0] & np.uint32(boxes - 1))
         along = []
-        for axis, place in enumerate((y, x, self.frame)):
-            move = self._random(_MOVES + axis, copy, box)
+        for axis, move in enumerate(moves or self._moves(copy, box, block)):
+            place = (y, x, self.frame)[axis]
+            if copy and axis < 2:
+                place = place ^ (np.uint32(0) - (move >> 31))
             along.append((place + move) & np.uint32(self.tile.shape[axis] - 1))
         return box, (*jnp.broadcast_arrays(*along, number),)
 
-    def _random(self, which: int, copy: int, box: Array) -> Array:
-        """Return a word, uniform over seeds, for one turn or translation."""
-        return hash_pair(self.seeds[which, 0] ^ np.uint32(copy), self.seeds[which, 1] ^ box)
+    def _moves(self, copy: int, box: Array, block: Array) -> list[Array]:
+        """Return the translations of a copy: for further ones of each block, new after the tile's frames.
+
+        The first bit of a word, which no translation needs, reflects the block.
+        """
+        if copy == 0:
+            return [self._random(_MOVES + axis, 0, box) for axis in range(3)]
+        period = self.frame >> np.uint32(self.tile.shape[2].bit_length() - 1)
+        return [self._random(_MOVES + axis, copy, box ^ (period << 16), block) for axis in range(3)]
+
+    def _random(self, which: int, copy: int, box: Array, block: Array | None = None) -> Array:
+        """Return a word, uniform over the seeds of a copy, for one turn or translation."""
+        one = self.seeds[copy, which, 0]
+        return hash_pair(one if block is None else one ^ block, self.seeds[copy, which, 1] ^ box)
 
     def _word(self, state: Any, sample: Array, dim: int, box: Array, place: tuple[Array, ...]) -> Array:
         size = self.tile.shape[-1]
@@ -126,7 +158,8 @@ class Tiled(OfDims):
         area, turn = both << 16, both & np.uint32(0xFFFF0000)
         # Jitter of each sample, frame and pair of coordinates fills the digits below the stratum's.
         number = hash_word(sample ^ (self.frame << 16)) + np.uint32(dim // 2)
-        jitter = hash_pair(number ^ self.seeds[_JITTER + 1, 0], state[2] ^ self.seeds[_JITTER + 1, 1])
+        seeds = self.seeds[copy, _JITTER + 1]
+        jitter = hash_pair(number ^ seeds[0], state[2] ^ seeds[1])
         digits = stratum_digits(self.tile.shape)[pair]
         word = coordinate(
             area | (jitter >> np.uint32(digits)),
@@ -141,7 +174,12 @@ class Tiled(OfDims):
 
 
 def of_words(words: NDArray[np.uint16], dims: int, spp: int, key: Array | int) -> Tiled:
-    seeds = draws.bits(checks.prng_key("key", key), (_SEEDS, 2), jnp.uint32)
+    random = checks.prng_key("key", key)
+    seeds = draws.bits(random, (1, _SEEDS, 2), jnp.uint32)
+    copies = -(-dims // words.shape[-1])
+    if copies > 1:
+        others = draws.bits(jax.random.fold_in(random, _STREAM), (copies - 1, _SEEDS, 2), jnp.uint32)
+        seeds = jnp.concatenate([seeds, others])
     return Tiled(dims, jnp.asarray(words), seeds, jnp.zeros((), jnp.uint32), spp)
 
 
@@ -156,7 +194,7 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     key : jax.random.key, or int in [0, 2**32)
         A new key does not recompile.
     dims : int, in [1, 65536], optional
-        Number of coordinates, by default d. Further ones reuse the tile with other translations and turns.
+        Number of coordinates, by default d. Further ones are in groups of d, which reuse the tile.
     spp : int, optional
         Number of samples per pixel, a power of two up to 65536, by default that of the tile. More samples
         fill equal boxes of the unit cube, halved along one dimension after another, with one tile in each.
@@ -175,8 +213,14 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     outline of a point is jittered in one of several equal strata; the points of each sample number are first
     moved to these strata. Hence **each sample of each pixel is uniform over keys**, to 32 bits, including the
     first: the key chooses its box, the translation its stratum, the jitter its area in the stratum, and the
-    turn its place on the outline. With d = 4, two areas have joint equal strata. Coordinates from d on are as
-    independent of the others as hashes are.
+    turn its place on the outline. With d = 4, two areas have joint equal strata.
+
+    **Groups of coordinates after the first d are independent of each other**: over keys exactly, since each
+    has its own seeds; in one image, as random points with equal strata are. For this, each block of 16 x 16
+    pixels, or of half the side of a smaller tile, has its own translation and reflections in each of these
+    groups, new after the tile's frames; each pixel has its own order of their samples, which keeps the first
+    ``2**k``. At the edges of blocks errors cancel less: filtered errors of these groups are 1.1 to 1.3 times
+    those of the first one in two dimensions, and 1.02 to 1.15 times in four.
 
     The choice of boxes also keeps the filtered errors of fewer samples small: in any aligned square of as
     many pixels as there are boxes, or in as many frames of a pixel, each box contains one first sample.
@@ -230,7 +274,7 @@ def designed(
         A new key does not recompile.
     dims : int, in [1, 65536]
         Number of coordinates. Up to 2, tiles are two-dimensional, otherwise four-dimensional; further
-        coordinates reuse the tile with other translations and turns.
+        groups of coordinates reuse the tile, independently, as :func:`tiled` describes.
     frames : int, optional
         For animations: a tile of 32 frames with one sample, designed for filters in space and time. It
         repeats after 32 frames.

@@ -21,6 +21,20 @@ def append(position: Array, number: Array, log_count: int | Array) -> Index:
     return position >> 1 >> (31 - log_count), (position << log_count) | number
 
 
+def shuffled(number: Array, seed: Array, digits: int) -> Array:
+    """Permute numbers of samples with nested permutations that keep 0, so the first 2**k stay first.
+
+    Each set digit xors the digits below it with random ones, as in Matousek's scrambling.
+    """
+    result = number
+    for k in range(1, digits):
+        # Separate bits while the seed has any.
+        place = k * (k - 1) // 2 % 32
+        random = (seed >> place) | (seed << (32 - place) if place else seed)
+        result = result ^ (random & np.uint32(2**k - 1) & (np.uint32(0) - ((number >> k) & np.uint32(1))))
+    return result
+
+
 class Number(NamedTuple):
     """The number of a sample, ``high * 2**known + low``; the low bits are known at trace time.
 

@@ -122,24 +122,26 @@ def test_a_rotation_moves_all_points_of_a_pixel_alike(name, seq):
 
 
 @pytest.mark.parametrize("channels", [1, 2])
-def test_further_coordinates_take_the_mask_translated_far(channels):
+def test_further_coordinates_take_blocks_of_the_mask(channels):
+    """Of 16 x 16 pixels; of 12 copies in 16 blocks, few pairs are at one place."""
     mask, copies = MASKS[channels].reshape(*MASKS[channels].shape[:2], channels), 12
-    side = len(mask)
-    origin = np.asarray(
-        samplers.dither(mask, sequences.lattice(copies * channels))(0, 0, 0, tuple(range(copies * channels)))
-    )
-    places = []
-    for copy in range(copies):
-        value = origin[copy * channels : (copy + 1) * channels]
-        (place,) = np.argwhere((mask == value).all(axis=-1))
-        places.append(place)
-    assert not places[0].any()
-    for k in range(1, copies):
-        apart = np.abs(np.array(places[:k]) - places[k])
-        assert np.hypot(*np.minimum(apart, side - apart).T).min() > side / 8
-    # The pixel after the last is the first, translated or not.
+    y, x = np.mgrid[:64, :64].astype(np.uint32)
+    every = tuple(range(copies * channels))
+    values = np.asarray(samplers.dither(mask, sequences.lattice(len(every)))(x, y, np.uint32(0), every))
+    same = 0
+    for top, left in np.mgrid[:64:16, :64:16].reshape(2, -1).T:
+        places = []
+        for copy in range(copies):
+            block = values[top : top + 16, left : left + 16, copy * channels : (copy + 1) * channels]
+            (place,) = np.argwhere((mask == block[0, 0]).all(axis=-1))
+            assert np.array_equal(np.roll(mask, -place, (0, 1))[:16, :16], block)
+            places.append(tuple(place))
+        assert places[0] == (top, left)
+        same += copies - len(set(places))
+    assert same <= 3
+    # The pixel after the last is the first.
     sampler = samplers.dither(mask, sequences.lattice(2 * channels))
-    last = (2 * channels - 1,)
+    side, last = len(mask), (channels - 1,)
     assert np.array_equal(sampler(side, 2 * side, 0, last), sampler(0, 0, 0, last))
 
 

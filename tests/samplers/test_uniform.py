@@ -155,7 +155,7 @@ def test_tiles_have_each_sample_in_each_box_once_over_seeds(name, spp):
     """Exactly, over all values of the digits that choose boxes; and the points of a pixel stay the same."""
     sampler = samplers.designed(SIDE, SIDE, spp, 3, **TILES[name]).at_frame(6)
     size, boxes = sampler.tile.shape[-1], spp // sampler.tile.shape[3]
-    choices = jnp.broadcast_to(sampler.seeds, (boxes, *sampler.seeds.shape)).at[:, 7, 0].set(first(boxes))
+    choices = jnp.broadcast_to(sampler.seeds, (boxes, *sampler.seeds.shape)).at[:, 0, 7, 0].set(first(boxes))
 
     @jax.jit
     @jax.vmap

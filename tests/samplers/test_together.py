@@ -1,0 +1,255 @@
+"""Groups of coordinates are independent: within one image for each key, and over keys.
+
+``python tests/samplers/test_together.py [keys dims [name]]`` prints samplers x transformations and smallest p.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+from tables import few, first, slow_cases
+
+from qmcjax import orders, samplers, sequences
+
+SIDE, CELLS = 64, 4
+"""Of images; each feature, a coordinate or the area inside the outlines of a pair, has 4 equal cells."""
+
+FREE = (CELLS - 1) ** 2
+"""Degrees of freedom of two features together, given each."""
+
+LEVEL = 5.7e-7
+"""Of five standard deviations, for the smallest p of all pairs and keys."""
+
+FEW, MANY = 12, 40
+"""Numbers of coordinates, by default and on request."""
+
+QUAD, NET, LATTICE = 4 / 3, 8 / 3, 4
+"""Variances of joint counts over those of independent points, at most.
+
+Values that add up to zero over n places match others at random with n / (n - 1) times the variance: over the
+quadrants of squares, and over samples 0 and 1, which groups of nets keep together. Four points of a lattice
+in a pixel count as one.
+"""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A sampler of a number of coordinates and a key, with independent groups of ``size`` coordinates."""
+
+    make: Callable[[int, Any], samplers.Sampler]
+    size: int = 1
+    spp: int = 4
+    variance: float = QUAD
+    most: int = MANY
+
+    def groups(self, dims):
+        """Return the groups of all features."""
+        return np.concatenate([np.arange(dims), 2 * np.arange(dims // 2)]) // max(self.size, 2)
+
+
+def owen(dims, key):
+    return sequences.owen(sequences.sobol(dims), key)
+
+
+def shifted(dims, key):
+    return sequences.digital_shift(sequences.sobol(dims), key)
+
+
+def designed(spp, **options):
+    return lambda dims, key: samplers.designed(SIDE, SIDE, spp, key, dims, **options)
+
+
+def tiled(side, size):
+    points = np.random.default_rng(side).random((side, side, 4, size))
+    return lambda dims, key: samplers.tiled(points, key, dims=dims)
+
+
+def dither(channels, side=None):
+    mask = samplers.blue_noise_mask(channels, side)
+    return lambda dims, key: samplers.dither(mask, sequences.rotate(sequences.lattice(dims), key))
+
+
+def hilbert():
+    return orders.hilbert(SIDE, SIDE)
+
+
+LAWS = {
+    "designed, 1": Law(designed(1), 4, 1),
+    "designed, 2": Law(designed(2), 4, 2),
+    "designed, 4": Law(designed(4), 4),
+    "designed, 16": Law(designed(16), 4, 16),
+    "designed, 64": Law(designed(64), 4, 64),
+    "designed, progressive": Law(designed(16, progressive=True), 4, 16),
+    "designed, frames": Law(designed(1, frames=32), 2, 1),
+    "tiled, 8": Law(tiled(8, 2), 2),
+    "progressive": Law(lambda dims, key: samplers.progressive(SIDE, SIDE, key, dims), 4, 4, NET),
+    "optimized": Law(lambda dims, key: samplers.optimized(SIDE, SIDE, 4, key, dims)),
+    "z": Law(lambda dims, key: samplers.z(SIDE, SIDE, 4, key, dims=dims), 2),
+    "z, tree": Law(lambda dims, key: samplers.z(SIDE, SIDE, 4, key, "tree", dims=dims), 2),
+    "z, frames": Law(lambda dims, key: samplers.z(SIDE, SIDE, 4, key, dims=dims, frames=4), 2),
+    "independent": Law(lambda dims, key: samplers.independent(sequences.sobol(dims), key)),
+    "contiguous": Law(lambda dims, key: samplers.contiguous(hilbert(), owen(dims, key), 4)),
+    "partitioned": Law(lambda dims, key: samplers.partitioned(hilbert(), owen(dims + 1, key))),
+    "segments": Law(lambda dims, key: samplers.segments(hilbert(), owen(dims, key), 1, doubling=True)),
+    "full_screen": Law(lambda dims, key: samplers.full_screen(shifted(dims, key), SIDE, SIDE)),
+    "padded_replications": Law(
+        lambda dims, key: samplers.padded_replications(shifted(dims, key), SIDE, SIDE, key)
+    ),
+    "ranked": Law(lambda dims, key: samplers.ranked(dims, key), most=4),
+    "dither, 64, vectors": Law(dither(2), 2, 4, LATTICE, 20),
+    "dither, 128": Law(dither(1), 1, 4, LATTICE, 20),
+    "dither, 16": Law(dither(1, 16), 1, 4, LATTICE, 20),
+}
+
+
+def up_to(sampler, spp):
+    return sampler.up_to(spp), first(spp), SIDE
+
+
+def at_frame(sampler, spp):
+    try:
+        return sampler.at_frame(37), first(spp), SIDE
+    except (AttributeError, TypeError):
+        return None
+
+
+def split(sampler, spp):
+    """Sub-sample 1 of each sample, of the last coordinates."""
+    try:
+        return sampler.split(tuple(range(sampler.dims // 2, sampler.dims)), 2), 2 * first(spp) + 1, SIDE
+    except ValueError:
+        return None
+
+
+def repeats(sampler, spp):
+    """First samples of an image that a tile covers many times."""
+    return (sampler, first(1), 4 * SIDE) if sampler.limits[0] > 4 * SIDE else None
+
+
+FEWER = {("optimized", "prefix"): 8}
+"""Numbers of coordinates for which its first samples were searched: some pairs of others coincide."""
+
+TRANSFORMATIONS = {
+    "plain": lambda sampler, spp: (sampler, first(spp), SIDE),
+    "prefix": lambda sampler, spp: (sampler, first(max(spp // 4, 1)), SIDE),
+    "up_to": up_to,
+    "frame": at_frame,
+    "split": split,
+    "repeats": repeats,
+}
+
+
+def features(points):
+    """Return the cells (n, features) of coordinates (n, dims) and of the areas inside outlines of pairs."""
+    pairs = np.abs(2 * points[:, : points.shape[1] // 2 * 2].reshape(len(points), -1, 2) - 1).max(axis=-1)
+    return (np.concatenate([points, pairs**2], axis=1) * CELLS).astype(np.int8)
+
+
+def chi_squared(cells, groups):
+    """Return chi-squared of any two features of separate groups, given how often each cell is."""
+    ones = (cells[:, :, None] == np.arange(CELLS)).astype(np.float32).reshape(len(cells), -1)
+    alone = ones.sum(axis=0, dtype=np.float64)
+    expected = np.maximum(np.outer(alone, alone) / len(cells), 1e-9)
+    parts = ((ones.T @ ones - expected) ** 2 / expected).reshape(len(groups), CELLS, -1, CELLS)
+    return parts.sum(axis=(1, 3))[groups[:, None] < groups]
+
+
+def combined(found, law):
+    """Return the smallest p of all chi-squared, times their number."""
+    return found.size * chi2.sf(found.max() / law.variance, FREE)
+
+
+def within_images(name, change, keys, dims):
+    """Return the smallest p of any two features in an image, over keys, times their number; None: no case."""
+    law, found = LAWS[name], []
+    dims = min(dims, FEWER.get((name, change), law.most))
+    for key in keys:
+        case = TRANSFORMATIONS[change](law.make(dims, jax.random.key(key)), law.spp)
+        if case is None:
+            return None
+        sampler, samples, side = case
+        y, x, sample = np.meshgrid(first(side), first(side), samples, indexing="ij")
+        points = np.asarray(sampler(x, y, sample, tuple(range(dims))))
+        found.append(chi_squared(features(points.reshape(-1, dims)), law.groups(dims)))
+    return combined(np.array(found), law)
+
+
+CASES = [(name, change) for name in LAWS for change in TRANSFORMATIONS]
+QUICK = [("designed, progressive", "plain"), ("progressive", "prefix"), ("dither, 16", "plain")]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "keys", "dims"),
+    [
+        *((*case, range(1), FEW) for case in QUICK),
+        *slow_cases(*((*case, range(200), MANY) for case in CASES)),
+    ],
+)
+def test_groups_are_independent_within_an_image_of_each_key(name, change, keys, dims):
+    p = within_images(name, change, keys, dims)
+    assert p is None or p > LEVEL
+
+
+def test_equal_groups_are_found():
+    """Of a tile that one vector translates over the whole image: of equal groups, and of a tile's repeats."""
+    sampler, law = samplers.designed(SIDE, SIDE, 16, 1, dims=4), LAWS["designed, 16"]
+    y, x, sample = np.meshgrid(first(SIDE), first(SIDE), first(16), indexing="ij")
+    one = np.asarray(sampler(x, y, sample, (0, 1, 2, 3)))
+    for moved in ((0, 0), (5, 20)):
+        points = np.concatenate([one, np.roll(one, moved, (0, 1))], axis=-1).reshape(-1, 8)
+        assert combined(chi_squared(features(points), law.groups(8)), law) < LEVEL
+
+
+@pytest.mark.parametrize(
+    "name",
+    few(
+        [name for name in LAWS if not name.startswith(("z", "ranked", "dither"))],
+        "tiled, 8",
+    ),
+)
+def test_groups_are_exactly_independent_over_keys(name):
+    """At a pixel, for its last sample; digits of Z's points and of masks' are those of their cells."""
+    law = LAWS[name]
+    dims = min(FEW, law.most)
+    draw = jax.jit(jax.vmap(lambda key: law.make(dims, key)(5, 9, law.spp - 1, tuple(range(dims)))))
+    points = np.asarray(draw(jax.random.split(jax.random.key(1), 4096)))
+    assert combined(chi_squared(features(points), law.groups(dims)), law) > LEVEL
+
+
+@pytest.mark.parametrize("copy", [0, 1, 2])
+def test_all_translations_of_a_copy_give_each_stratum_once(copy):
+    """While the other copies stay the same, to the bit: so all strata of all copies meet equally often."""
+    sampler, side, x, y = samplers.tiled(np.random.default_rng(2).random((8, 8, 2, 2)), 5, dims=6), 8, 21, 13
+    random = np.random.default_rng(3).integers(2**32, size=(4096, 2), dtype=np.uint32)
+    seeds = jnp.asarray(sampler.seeds)[None].repeat(len(random), 0).at[:, copy, :2, 0].set(random)
+    made = jax.vmap(lambda seeds: replace(sampler, seeds=seeds))(seeds)
+    moves = jax.vmap(lambda one: one.prepare(jnp.uint32(x), jnp.uint32(y), (2 * copy,))[5][copy][0][:2])(made)
+    # Their low digits translate, the first one reflects.
+    words = np.stack([np.asarray(word) & np.uint32(2**31 + 7) for word in moves], axis=-1)
+    _, each = np.unique(words, axis=0, return_index=True)
+    assert len(each) == 4 * side**2
+    points = np.asarray(jax.vmap(lambda one: one(x, y, 1, tuple(range(6)), jnp.float64))(made))[each]
+    others = [j for j in range(6) if j // 2 != copy]
+    assert (points[:, others] == points[0, others]).all()
+    areas = np.abs(2 * points[:, 2 * copy : 2 * copy + 2] - 1).max(axis=-1) ** 2
+    assert (np.bincount((areas * side**2).astype(int), minlength=side**2) == 4).all()
+
+
+def main(keys=4, dims=FEW, start=""):
+    for name, change in (case for case in CASES if case[0].startswith(start)):
+        p = within_images(name, change, range(keys), dims)
+        if p is not None:
+            print(f"{name:24} {change:8} {keys} keys, {dims} coordinates: p = {min(p, 1):.2g}", flush=True)
+
+
+if __name__ == "__main__":
+    main(*map(int, sys.argv[1:3]), *sys.argv[3:])

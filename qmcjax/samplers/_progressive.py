@@ -107,7 +107,8 @@ def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Pro
     On integrands that the search did not use, filtered errors are 1.2 to 1.3 times those of
     :func:`optimized` for exactly that number of samples, since all numbers share one permutation of each
     square. In four dimensions they are at most 1.15 times those of a joint sequence along the Hilbert curve.
-    The figure ``progressive`` shows each number.
+    The figure ``progressive`` shows each number. Errors of integrands of several groups of coordinates are
+    diffused less.
 
     In two dimensions nets leave little else to choose: a net of ``2**(k + 1)`` samples splits into two nets
     of ``2**k`` in only one way, so a pixel can only choose, for each k, which half comes first. Searches over

@@ -220,7 +220,7 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     pixels, or of half the side of a smaller tile, has its own translation and reflections in each of these
     groups, new after the tile's frames; each pixel has its own order of their samples, which keeps the first
     ``2**k``. At the edges of blocks errors cancel less: filtered errors of these groups are 1.1 to 1.3 times
-    those of the first one in two dimensions, and 1.02 to 1.15 times in four.
+    those of the first one in two dimensions, and 1.04 to 1.1 times in four.
 
     The choice of boxes also keeps the filtered errors of fewer samples small: in any aligned square of as
     many pixels as there are boxes, or in as many frames of a pixel, each box contains one first sample.

@@ -54,7 +54,7 @@ class Tiled(OfDims):
     family: str | None = field(default=None, metadata={"static": True})
     """The designed tiles for other numbers of samples, if there are any."""
     first: int = field(default=0, metadata={"static": True})
-    """The number of the first coordinate, for moves; others than 0 are for sub-samples."""
+    """The number of the first coordinate among those with seeds: sub-samples have none of copy 0."""
 
     @property
     def limits(self) -> tuple[int, int, int]:
@@ -73,15 +73,17 @@ class Tiled(OfDims):
         spp = more_samples(self.spp, count, MAX_SPP, powers=True)
         if count == 1:
             return self
-        # Translations and turns of its own: those of coordinates that nothing else has.
         words = self.tile if self.family is None else jnp.asarray(_designed_words(self.family, spp))
-        return replace(self, tile=words, spp=spp, first=2**16 * (spp.bit_length() - 1))
+        # Translations and turns of its own, as those of further coordinates.
+        size = self.tile.shape[-1]
+        own = hash_pair(self.seeds[self.first // size :], jnp.uint32(spp))
+        return replace(self, tile=words, spp=spp, seeds=jnp.concatenate([self.seeds[:1], own]), first=size)
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         hashed = hash_pair(x ^ self.seeds[0, _JITTER, 0], y ^ self.seeds[0, _JITTER, 1])
         down, right = (max(min(_LOG_BLOCK, n.bit_length() - 2), 0) for n in self.tile.shape[:2])
         block, copies = hash_pair(x >> right, y >> down), {}
-        for copy in sorted({j // self.tile.shape[-1] for j in dims}):
+        for copy in sorted({(self.first + j) // self.tile.shape[-1] for j in dims}):
             moves = self._moves(copy, jnp.uint32(0), block) if self._boxes == 1 else ()
             copies[copy] = (
                 moves,

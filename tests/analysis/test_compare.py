@@ -13,8 +13,8 @@ from tables import SAMPLERS, Table, few
 
 import analysis
 import qmcjax as qj
+from analysis._comparing import promises
 from analysis._comparing.convergence import time_render
-from analysis._comparing.promises import _not_uniform
 from qmcjax import orders, samplers, scenes, sequences
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word, to_unit
@@ -219,7 +219,15 @@ def test_uniform_laws_are_not_told(law):
     """None of 100 keys, at a level of 1e-6."""
     for key in range(100):
         u = np.random.default_rng(key).random((256, 8))
-        assert _not_uniform(LAWS[law](u).astype(float)) == "", key
+        assert promises._not_uniform(LAWS[law](u).astype(float)) == "", key
+
+
+def test_uniformity_is_tested_at_a_level_of_a_millionth():
+    """By Kolmogorov's distribution, and by the probability that draws miss one of m values."""
+    assert 5e-7 < stats.kstwobign.sf(promises._FAR) <= 1e-6
+    for m, least in ((2, 0), (64, 5e-7), (1024, 5e-7)):
+        draws = m * (np.log(m) + promises._UNSEEN)
+        assert least < m * (1 - 1 / m) ** draws <= 1e-6
 
 
 KEPT = Table(

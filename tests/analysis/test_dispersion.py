@@ -64,7 +64,7 @@ def sets(draw):
     return points, torus
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@settings(max_examples=80)
 @given(sets())
 def test_equals_brute_force(drawn):
     points, torus = drawn
@@ -138,6 +138,20 @@ def test_blocks(dims, n, torus, monkeypatch):
             found.append(dispersion(points, torus))
             assert len(set(blocks)) == len(blocks)
             assert (len(blocks) > 1) == (together < n)
+        assert found[0] == pytest.approx(found[1], rel=1e-15)
+
+
+@pytest.mark.parametrize("torus", [True, False])
+def test_blocks_are_no_smaller_than_a_hole_allows(torus, monkeypatch):
+    """However few points a block may have, as many as around it decide about a disc of radius 0.07."""
+    for key in range(4):
+        rng = np.random.default_rng(key)
+        spread, centre = rng.random((2000, 2)), rng.random(2)
+        points = spread[np.linalg.norm((spread - centre + 0.5) % 1 - 0.5, axis=1) > 0.07]
+        found = []
+        for together in (1, 4000):
+            monkeypatch.setattr(_dispersion, "_TOGETHER", together)
+            found.append(dispersion(points, torus))
         assert found[0] == pytest.approx(found[1], rel=1e-15)
 
 

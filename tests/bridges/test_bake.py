@@ -13,6 +13,7 @@ from refusals import refused
 
 from qmcjax import bridges, orders, samplers, sequences
 from qmcjax.bridges import BakedTable, bake, bake_mask, bake_matrices, bake_order, bake_ranked
+from qmcjax.bridges._bake import broken_strata
 from qmcjax.bridges._table import Layout
 
 SAMPLER = samplers.independent(sequences.sobol(5), key=3)
@@ -222,6 +223,16 @@ def test_strata_are_kept():
     assert "1 x 1/4096 4096 have a point, 256 as stored" in coarse.about[-1]
     # 300 samples have 256 strata, which 8 bits keep.
     bake(SAMPLER, (2, 1), 300, bits=8)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_one_bit_less_than_the_strata_have_is_told(axis):
+    """512 intervals of 9 digits; 9 bits keep them."""
+    words = np.zeros((1, 512, 2), np.uint32)
+    words[0, :, axis] = np.arange(512) << 23
+    shape = ("1/512 x 1", "1 x 1/512")[axis]
+    assert str(broken_strata(words, 8)) == f"of the boxes {shape} 512 have a point, 256 as stored"
+    assert broken_strata(words, 9) is None
 
 
 @pytest.mark.slow

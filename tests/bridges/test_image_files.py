@@ -151,6 +151,14 @@ def test_pictures_of_other_programs(tmp_path):
         read_image(path, transfer="srgb")
 
 
+def test_every_code_is_the_light_that_srgb_says(tmp_path):
+    """IEC 61966-2-1 from light to values, which it defines by the light: 12.92 times it up to 0.0031308."""
+    Image.fromarray(np.arange(256, dtype=np.uint8)[None]).save(tmp_path / "image.png")
+    light = read_image(tmp_path / "image.png", transfer="srgb").ravel().astype(np.float64)
+    values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    np.testing.assert_allclose(values, np.arange(256) / 255, rtol=2e-7)
+
+
 def test_light_comes_back_with_every_bit(tmp_path):
     image = np.random.default_rng(4).exponential(2.0, (3, 4, 3)).astype(np.float32)
     write_image(tmp_path / "image.npy", image)

@@ -21,22 +21,25 @@ def below(edge):
     return lambda points: points[:, 0] < edge
 
 
-def of_counts(counts, n, spread, limits=None):
+def of_counts(counts, n, spread, limits=None, kind="student"):
     """Return what is made of replicates with so many ones among n zeros."""
     with jax.enable_x64(True):
         found = [jnp.asarray([count / n]) for count in counts]
         some, like = jnp.zeros((n, 1)), jax.ShapeDtypeStruct((4096, 1), jnp.bool_)
-        how = like, n, np.dtype(np.float32), "student", limits, None, 0.95, np.zeros(1)
+        how = like, n, np.dtype(np.float32), kind, limits, None, 0.95, np.zeros(1)
         return _estimate.estimate(found, some, np.array([spread]), *how)
 
 
-@pytest.mark.parametrize("replicates", [4, 8, 32])
+@pytest.mark.parametrize(
+    ("kind", "replicates"), [("student", 4), ("student", 8), ("student", 32), ("quantile", 32)]
+)
 @pytest.mark.parametrize("limits", [None, (0, 1)])
-def test_counts_of_an_interval_cover_exactly(replicates, limits):
+def test_counts_of_an_interval_cover_exactly(kind, replicates, limits):
     """Of x < p, a replicate has one of two counts, and all of them a binomial number of the larger one."""
     n, base = 64, 0 if limits else 3
     made = [
-        of_counts([base + (r < k) for r in range(replicates)], n, 1.0, limits) for k in range(replicates + 1)
+        of_counts([base + (r < k) for r in range(replicates)], n, 1.0, limits, kind)
+        for k in range(replicates + 1)
     ]
     for level in (0.9, 0.95, 0.99):
         ends = np.array([each.interval(level) for each in made])[..., 0]

@@ -14,6 +14,7 @@ from scipy.special import binom
 from tables import slow, some
 
 from qmcjax.tracing import motion
+from qmcjax.tracing.motion import _arc_length
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -108,6 +109,16 @@ def test_arc_length_of_a_circle():
     assert error[::4].max() < 1e-12
     sagitta = (2 * np.pi / 256) ** 2 / 8
     assert 0.99 * sagitta < error.max() < path.bound < 1.2 * sagitta
+
+
+def test_bounds_hold_where_newtons_method_has_not_converged(monkeypatch):
+    """With steps that are too short, points on the circle are late; the bound says by how much at most."""
+    plain = _arc_length._arcs
+    monkeypatch.setattr(_arc_length, "_arcs", lambda *given: (plain(*given)[0], 100 * plain(*given)[1]))
+    path = CIRCLE.by_arc_length(2**14)
+    angles = 2 * np.pi * np.arange(2**14 + 1) / 2**14
+    error = np.linalg.norm(path.points - np.stack([np.cos(angles), np.sin(angles)], axis=1), axis=1)
+    assert 1e-4 < error.max() < path.bound
 
 
 def wild(key):
@@ -383,6 +394,7 @@ test_bad_input_is_named = refused(
     (lambda: nurbs(2, [0, 0, 0, 1, 1, 0]), ValueError, "knots must be nondecreasing"),
     (lambda: nurbs(2, [0, 0, 0.5, 1, 1, 1]), ValueError, "knots must be the same for the first"),
     (lambda: nurbs(2, [1, 1, 1, 1, 1, 1]), ValueError, "knots must have multiplicities up to 2"),
+    (lambda: motion.rotation_spline([0, 1], [[0, 0, 0, 1], [0, 0, 0, 1.001]]), ValueError, "of unit length"),
     (lambda: motion.approximated(CIRCLE, 0.0, 4.0, 1, [1.0]), ValueError, r"segments must be .*\[2, 65536\]"),
 )
 

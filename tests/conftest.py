@@ -7,7 +7,8 @@ from pathlib import Path
 
 import jax
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 from figures.making import compiled_programs, workers
 
@@ -16,8 +17,11 @@ from figures.making import compiled_programs, workers
 gc.set_threshold(50_000, 20, 20)
 
 # A busy machine is no failure, and the first example compiles.
-settings.register_profile("compiled", deadline=None)
-settings.load_profile("compiled")
+patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("default run", patient, derandomize=True)
+settings.register_profile(
+    "slow run", patient, print_blob=True, database=DirectoryBasedExampleDatabase(".hypothesis")
+)
 jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -83,12 +87,26 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+def explores(config):
+    """Return whether Hypothesis looks for examples of its own: in the slow tests, not in the default ones."""
+    return config.option.markexpr == "slow"
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Run Hypothesis's tests with the slow ones, too."""
+    for item in items if explores(config) else ():
+        if getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
+            item.add_marker("slow")
+
+
 def pytest_configure(config):
     """Compile as drafts of figures do, and let processes, and later runs, share it: most of the tests' time.
 
     An environment with XLA_FLAGS, if only empty, is left as it is: ``XLA_FLAGS= python -m pytest`` tests what
     users' programs do. Only with a restricted instruction set first, the others are added.
     """
+    settings.load_profile("slow run" if explores(config) else "default run")
     if os.environ.get("XLA_FLAGS", "--xla_cpu_max_isa").startswith("--xla_cpu_max_isa"):
         compiled_programs.quickly()
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("xla")))

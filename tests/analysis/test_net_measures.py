@@ -84,7 +84,7 @@ def point_sets(draw):
     return points, base, m
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=100)
 @given(point_sets())
 def test_t_equals_brute_force(point_set):
     """Float32, float64 and JAX arrays alike, although most ends of intervals are no floats."""
@@ -97,7 +97,7 @@ def test_t_equals_brute_force(point_set):
     assert t_value(jnp.asarray(floats(points, np.float32)), base) == expected
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(point_sets(), st.data())
 def test_counts_equal_brute_force(point_set, data):
     points, base, m = point_set
@@ -117,7 +117,7 @@ def test_counts_equal_brute_force(point_set, data):
     assert is_latin_hypercube(floats(points, np.float64)) is one_each
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(st.sampled_from([(2, 3), (3, 2), (5, 1), (10, 1)]), st.integers(1, 3), st.data())
 def test_words_are_exact_in_every_base(size, dims, data):
     """Fractions of 2**32 next to the ends of intervals are told apart, as no float32 could."""
@@ -186,7 +186,7 @@ def digital_net(given, q, m):
     return np.tensordot(q ** np.arange(m - 1, -1, -1), given @ digits % q, (0, 1)).T
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60)
 @given(matrices())
 def test_ranks_equal_counts(case):
     given, q, m = case

@@ -79,7 +79,7 @@ def point_sets(draw):
     return np.array(some + draw(st.lists(st.sampled_from(some), max_size=n - len(some))))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=150)
 @given(point_sets(), st.integers(1, 20))
 def test_equals_the_definition(points, regions):
     """The value to rounding errors, and each bound, wherever the search stops."""

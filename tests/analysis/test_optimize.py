@@ -235,11 +235,12 @@ def bowl(free, key):
 
 
 def test_the_minimum_of_a_mean_over_keys_is_found():
-    made = minimize(bowl, START, 1, 1000, rate=0.05)
+    made = minimize(bowl, START, 1, 4000, rate=0.05)
     np.testing.assert_allclose(made.parameters["a"], TARGET, atol=0.03)
     assert made.parameters["b"] == pytest.approx(1, abs=1e-3)
-    assert made.losses.shape == (50,)
-    assert made.losses[-1] == pytest.approx(0.03, abs=0.02), "the variance of three random numbers"
+    assert made.losses.shape == (200,)
+    # The variance of three random numbers; over 800 keys, 5 sigma of their sum of squares.
+    assert made.losses[-40:].mean() == pytest.approx(0.03, abs=5 * 0.01 * np.sqrt(6 / 800))
     assert all(isinstance(leaf, np.ndarray) and leaf.dtype == np.float32 for leaf in made.parameters.values())
 
 

@@ -154,13 +154,6 @@ def all_trees(of):
                     yield (of, *left, *right)
 
 
-def test_there_are_as_many_trees_as_eq_4_4_says():
-    """Times the two orders of the children of each of m - 1 nodes."""
-    for m, ordered in enumerate((1, 2, 12, 120, 1680, 30240, 665280), start=1):
-        found = list(all_trees(tuple(range(m))))
-        assert len(set(map(frozenset, found))) == len(found) and len(found) * 2 ** (m - 1) == ordered
-
-
 def least_sum(low, high):
     """Return the least sum of areas of all trees, by looking at each of them."""
     areas = {}

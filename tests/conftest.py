@@ -20,7 +20,11 @@ gc.set_threshold(50_000, 20, 20)
 patient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile("default run", patient, derandomize=True)
 settings.register_profile(
-    "slow run", patient, print_blob=True, database=DirectoryBasedExampleDatabase(".hypothesis")
+    "slow run",
+    patient,
+    derandomize=False,
+    print_blob=True,
+    database=DirectoryBasedExampleDatabase(".hypothesis"),
 )
 jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_dtype_promotion", "strict")

@@ -253,6 +253,12 @@ def few(table, *names):
     return [*names, *slow(*(name for name in table if name not in names))]
 
 
+def closest_square(points, side):
+    """Return the smallest squared distance on the torus of this side, over all pairs, in Python's integers."""
+    delta = np.abs(points[:, None] - points).astype(object)
+    return (np.minimum(delta, side - delta) ** 2).sum(axis=-1)[np.triu_indices(len(points), 1)].min()
+
+
 def owen_pass(key):
     return samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sequences.sobol(3), key), 2)
 

@@ -47,7 +47,7 @@ class Claim(NamedTuple):
     test: str | None = None
     """The test that shows it, by pytest's name, in place of a figure."""
     contrary: bool = False
-    """Whether the test shows that it is false."""
+    """Whether the test shows that it is false, or the paper's own numbers do, as ``why`` says."""
     timed: bool = False
     """Whether it is about run time, so that the machine decides."""
     why: str | None = None
@@ -120,7 +120,7 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
             return Finding(claim, "ours", claim.measured or "", _answer(not claim.contrary), why)
         return Finding(claim, "differs" if claim.contrary else "by-test", claim.measured or "", {}, why)
     if claim.figure is None or claim.key is None:
-        return Finding(claim, "untested", "", {}, why)
+        return Finding(claim, "differs" if claim.contrary else "untested", "", {}, why)
     numbers = entries.get(claim.figure, {}).get("numbers", {})
     found = numbers.get("claims", {}).get(claim.key)
     if found is None:  # A reason with numbers is none without them.

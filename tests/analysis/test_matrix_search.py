@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
-from tables import again, first
+from tables import again, closest_square, first
 
 import analysis._searches.matrix_search as module
 from analysis import search_matrices, squared_min_distance
@@ -50,12 +50,6 @@ def multiplied(matrices: np.ndarray) -> np.ndarray:
     return np.stack(
         [np.arange(2**m), *(weights @ (matrix @ digits % 2) for matrix in matrices.astype(int))], axis=1
     )
-
-
-def brute_force(points: np.ndarray, side: int) -> int:
-    delta = np.abs(points[:, None] - points[None])
-    squared = (np.minimum(delta, side - delta) ** 2).sum(axis=2)
-    return int(squared[~np.eye(len(points), dtype=bool)].min())
 
 
 def test_all_02_sequences_are_searched_and_nothing_else():
@@ -118,7 +112,7 @@ def test_search(targets, dims):
     assert is_02_sequence(found.matrices)
     for m, target in targets.items():
         points = multiplied(found.matrices[:, :m, :m])[:, 3 - dims :]
-        assert found.squared[m] == brute_force(points, 2**m) >= target
+        assert found.squared[m] == closest_square(points, 2**m) >= target
 
 
 def test_search_beats_the_printed_net_at_once():

@@ -199,7 +199,6 @@ def test_white_noise():
 
 
 test_bad_arguments = refused(
-    (np.zeros((4, 1)), 8, None, r"points.*\(4, 1\)"),
     (np.zeros((4, 4)), 8, None, "points.*d=4"),
     (np.zeros((4, 2)), 1, None, r"resolution.*\[2, 4096\].*1"),
     (np.zeros((4, 2)), 4097, None, r"resolution.*\[2, 4096\].*4097"),

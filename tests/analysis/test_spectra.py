@@ -102,7 +102,6 @@ def test_radial_average_and_anisotropy_by_exact_annuli(size):
 
 
 test_bad_errors = refused(
-    (np.zeros((4, 4)), np.zeros((4, 5)), r"the same shape.*\(4, 4\).*\(4, 5\)"),
     (np.full((4, 4), 0.1), np.zeros((4, 4)), "more than a constant.*0.1"),
     (np.full((4, 4, 3), [0.1, 0.2, 0.3]), np.zeros((4, 4, 3)), "more than a constant.*0.3"),
     call=error_spectrum,

@@ -92,12 +92,6 @@ test_engines_end = refused(
 )
 
 
-test_wrong_arguments_are_named = refused(
-    (lambda: tabulate(SOBOL, 4), TypeError, r"generator must be one of points, with random\(n\)"),
-    (lambda: SequenceEngine(3), TypeError, "sequence must be a sequence"),
-)
-
-
 def test_scipy_takes_our_engine():
     """Normal variates of an Owen-scrambled net have the mean and the covariance that were asked for."""
     engine = SequenceEngine(sequences.owen(sequences.sobol(2), key=3))

@@ -1,9 +1,6 @@
 """Sentences of the papers that no figure shows: small computations, and numbers that contradict others."""
 
-import inspect
 from fractions import Fraction
-from itertools import permutations
-from math import comb
 
 import jax
 import jax.numpy as jnp
@@ -270,9 +267,6 @@ def test_aliasing_is_more_evident_in_few_dimensions():
     assert shares[0] > 1.3 * shares[1] > 1.3**2 * shares[2] > 1.3**2 * shares[3]
 
 
-ORDERS = list(permutations(range(4)))
-
-
 def test_other_sequences_are_diffused_along_the_scrambled_order():
     """Sect. 2: Halton points, a Weyl sequence and progressive multi-jittered samples."""
     side, exact = 64, np.full((64, 64), 0.25)
@@ -321,39 +315,6 @@ def test_the_printed_hash_repeats_itself_in_dimension_d_plus_3():
         assert np.array_equal(digits(node, dim), digits(node ^ reverse, dim + 3))
 
 
-def z_point(x, y, sample, log_side, log_spp, dim):
-    """Return a sample of Z_hash: Eq. 2, 5, 8 and 16, and the first two coordinates of the Sobol' sequence."""
-    code = sum((x >> j & 1) << 2 * j | (y >> j & 1) << (2 * j + 1) for j in range(log_side))
-    code, digits, index = code << log_spp | sample, log_side + log_spp // 2, 0
-    for j in reversed(range(digits)):
-        prefix = code >> (2 * j + 2)
-        word = (prefix ^ 0x55555555 * dim) * 0x9E3779B9 % 2**32
-        index = 4 * index + ORDERS[word * 24 >> 32][code >> 2 * j & 3]
-    point, column = [0, 0], [2**31, 2**31]
-    while index:
-        if index & 1:
-            point = [a ^ b for a, b in zip(point, column, strict=True)]
-        column = [column[0] >> 1, column[1] ^ column[1] >> 1]
-        index >>= 1
-    return point
-
-
-def test_a_z_sampler_has_less_than_a_hundred_lines():
-    """Sect. 5.6: that above has some 20, and gives each pixel and each aligned block a (0,m,2)-net."""
-    assert len(inspect.getsource(z_point).splitlines()) < 25
-    points = np.array(
-        [[[z_point(x, y, i, 3, 2, 1) for i in range(4)] for x in range(8)] for y in range(8)], np.uint32
-    )
-    for k in range(4):
-        blocks = points.reshape(8 >> k, 2**k, 8 >> k, 2**k, 4, 2).swapaxes(1, 2)
-        m = 2 * k + 2
-        for block in blocks.reshape(-1, 2**m, 2):
-            for i in range(m + 1):
-                cells = (block[:, 0] >> np.uint32(1) >> np.uint32(31 - i)) * 2 ** (m - i)
-                cells += block[:, 1] >> np.uint32(1) >> np.uint32(31 - m + i)
-                assert len(np.unique(cells)) == 2**m
-
-
 def test_samples_of_siblings_differ_by_sixteenths_at_8():
     """Appendix A prints eighths. They are odd multiples of 1/16, of any two samples, in both axes."""
     sampler = samplers.z(8, 8, 8, key=1)
@@ -367,37 +328,7 @@ def test_samples_of_siblings_differ_by_sixteenths_at_8():
     assert np.all(np.round(apart) % 2 == 1) and np.all(apart == np.round(apart))
 
 
-TABLE_1 = {
-    1: (0.2, 0.5), 2: (0.5, 0.5), 4: (0.8, 0.5), 8: (1.0, 0.8), 16: (1.8, 1.2), 32: (3.5, 2.0),
-    64: (6.5, 4.0), 128: (12.5, 7.5), 256: (25.5, 15.0), 512: (51.5, 28.5), 1024: (105.5, 57.5),
-    2048: (213.5, 113.5), 4096: (418.5, 230.5), 8192: (837.5, 461.5),
-}  # fmt: skip
-"""Seconds of Sobol' and Z in print, by samples per pixel."""
-
-
-def test_table_1_of_the_z_paper_at_one_sample():
-    """Z is slower than Sobol' there, and as fast at 2: it outperforms Sobol' from 4 on."""
-    assert [spp for spp, (sobol, z) in TABLE_1.items() if z > sobol] == [1]
-    assert [spp for spp, (sobol, z) in TABLE_1.items() if z == sobol] == [2]
-
-
 # Thesis
-
-
-def test_c_7_by_equation_4_3():
-    """C_7 = 429, of 8 leaves; 132, in print, is C_6."""
-    catalan = [comb(2 * n, n) // (n + 1) for n in range(9)]
-    assert (catalan[6], catalan[7]) == (132, 429)
-
-
-def test_reductions_of_table_4_2():
-    """All are those of the printed areas, but for Sponza: 9.80 percent, not 9.77."""
-    before = (154307, 842865, 8412.97, 8281.78, 398678, 3.94301e8)
-    after = (139191, 731707, 7309.09, 6843.93, 344896, 3.90666e8)
-    printed = (9.77, 13.19, 13.12, 17.36, 13.49, 0.92)
-    found = [100 * (1 - b / a) for a, b in zip(before, after, strict=True)]
-    assert round(found[0], 2) == 9.80
-    assert [abs(a - b) < 0.005 for a, b in zip(found, printed, strict=True)] == [False] + [True] * 5
 
 
 @pytest.mark.parametrize("seq", [sequences.lattice(3), sequences.sobol(3)], ids=["lattice", "Sobol'"])

@@ -204,9 +204,7 @@ def test_values_that_are_not_finite_are_found_and_named(render):
 
 test_bad_input_is_named = refused(
     (TypeError, along(4, 4), 4, {"tolerance": 0.1}, "samplers.randomized .* got .*Contiguous"),
-    (TypeError, passes(), 16, {"tolerance": "a"}, "tolerance must be positive .* 'a'"),
     (TypeError, passes(), 16, {"tolerance": np.ones(2)}, "tolerance must be one number"),
-    (passes(), 16, {"tolerance": 0.0}, "tolerance must be positive .* 0.0"),
     (passes(), 18, {"tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
     (passes(), 12, {"tolerance": 0.1}, "at least 16 .* got 12"),
     (passes(), 16, {"tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),

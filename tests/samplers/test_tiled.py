@@ -217,7 +217,6 @@ def test_boxes_of_further_coordinates_meet_in_all_ways_over_frames():
 TILE = free((4, 4, 1, 2))
 
 test_wrong_tiles = refused(
-    (TILE[0], 1, r"^points must have shape \(height, width, spp, d\) or"),
     (free((4, 4, 1, 3)), 1, r"^points must have shape \(height, width, spp, d\) or"),
     (TILE + 1, 1, r"^points must be in \[0, 1\), got"),
     (free((4, 3, 1, 2)), 1, "^points must have powers of two up to 65536 as height, width"),

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net, slow
+from tables import closest_square, first, is_net, slow
 
 from analysis import squared_min_distance
 from figures.thesis.chapter_5 import permutation_nets
@@ -90,16 +90,9 @@ def test_the_pixels_of_odd_m_all_have_the_net(m):
     assert np.array_equal(in_row(m, row, first(2**m)), np.broadcast_to(net, (5, 2**m, 2)))
 
 
-def brute_force(points: np.ndarray, side: int) -> int:
-    """Return the smallest squared distance on the torus of this side, over all pairs."""
-    delta = np.abs(points[:, None] - points)
-    squared = (np.minimum(delta, side - delta) ** 2).sum(axis=-1)
-    return int(squared[~np.eye(len(points), dtype=bool)].min())
-
-
 @pytest.mark.parametrize("m", [2, 3, 4, 5, 6])
 def test_four_by_four_pixels_keep_the_distance_in_print(m):
-    assert brute_force(pixels(m, 4, 4), 4 * 2**m) == PRINTED[m]
+    assert closest_square(pixels(m, 4, 4), 4 * 2**m) == PRINTED[m]
 
 
 @pytest.mark.parametrize("m", [7, 8, 9, 10, *slow(*range(11, 17))])

@@ -546,7 +546,6 @@ TREE, IN_TIME = (trees.surface_area_tree(*of) for of in (FINE, SETS["in time"]))
 UP = ([0.0, 0, 0], [0.0, 0, 1])
 test_mistakes_are_named = refused(
     (lambda: trees.refitted(TREE, FINE[0][:2], FINE[1][:2]), ValueError, "low must have 4 boxes"),
-    (lambda: trees.refitted(TREE, *FINE, times=[0, 1]), ValueError, r"low must have shape \(k, n, 3\)"),
     (lambda: trees.nodes_visited(TREE, *UP[:1] * 2), ValueError, "direction must have a length"),
     (
         lambda: trees.nodes_visited(TREE, TREE.low[:1] - [0, 0, 1], UP[1], lambda *_: np.ones(1000)),
@@ -554,6 +553,5 @@ test_mistakes_are_named = refused(
         r"distance must return distances of shape \(1,\), got \(1000,\)",
     ),
     (lambda: trees.nodes_visited(IN_TIME, *UP), TypeError, "time must be given"),
-    (lambda: trees.triangle_distances(FINE[0], *UP), ValueError, r"vertices must have shape \(n, 3"),
     (lambda: trees.triangle_distances(soup(2, 0), *UP, number=[2]), ValueError, r"\[0, 1\], got \[2\]"),
 )

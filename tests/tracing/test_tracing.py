@@ -690,7 +690,6 @@ def moving_ball(path):
 test_bad_input_is_named = refused(
     (lambda: tracing.triangles([GOOD, FLAT]), ValueError, "vertices must be of triangles .*triangle 1"),
     (lambda: tracing.triangles([GOOD], [FLAT]), ValueError, "close must be of triangles with an area"),
-    (lambda: tracing.triangles([GOOD], [GOOD, GOOD]), ValueError, r"close must have shape \(1, 3, 3\)"),
     (lambda: tracing.group([tracing.group([BALL], motion=SPIN)]), ValueError, "must have no motion"),
     (
         lambda: tracing.group([tracing.group([BALL], material=tracing.diffuse(1.0))]),

@@ -254,7 +254,7 @@ def few(table, *names):
 
 
 def closest_square(points, side):
-    """Return the smallest squared distance on the torus of this side, over all pairs, in Python's integers."""
+    """Return the smallest squared distance on the torus of this side, over all pairs, in Python integers."""
     delta = np.abs(points[:, None] - points).astype(object)
     return (np.minimum(delta, side - delta) ** 2).sum(axis=-1)[np.triu_indices(len(points), 1)].min()
 

@@ -291,6 +291,7 @@ PLAIN = {
 
 
 IN_ANY_BASE = sequences.owen, sequences.owen_exact, sequences.digit_scramble
+QUICK = "sobol", "permutation", "faure"
 IN_BASE_2 = sequences.linear_matrix_scramble, sequences.digital_shift, art_owen
 
 
@@ -301,9 +302,7 @@ IN_BASE_2 = sequences.linear_matrix_scramble, sequences.digital_shift, art_owen
             scramble,
             plain,
             id=f"{scramble.__name__}-{plain}",
-            marks=[]
-            if plain in ("sobol", "permutation", "faure") and scramble != art_owen
-            else pytest.mark.slow,
+            marks=() if plain in QUICK and scramble != art_owen else pytest.mark.slow,
         )
         for scramble in IN_ANY_BASE + IN_BASE_2
         for plain, (_, base, _) in PLAIN.items()

@@ -49,9 +49,9 @@ sequence = pytest.fixture(made, name="sequence")
 value = pytest.fixture(made, name="value")
 
 
-MAY_BE_MISSING = re.compile(r"\b(torch|qmcpy|Sphinx)\b")
-"""In reasons of skipping. torch takes gigabytes, parts of qmcpy are compiled when it is installed, and what
-needs Sphinx runs in CI when the documentation is made.
+MAY_BE_MISSING = re.compile(r"\b(torch|qmcpy|Sphinx|papers)\b")
+"""In reasons of skipping. torch takes gigabytes, parts of qmcpy are compiled when it is installed, what needs
+Sphinx runs in CI when the documentation is made, and the texts of the papers are not in the project.
 """
 
 
@@ -110,7 +110,6 @@ def pytest_configure(config):
     An environment with XLA_FLAGS, if only empty, is left as it is: ``XLA_FLAGS= python -m pytest`` tests what
     users' programs do. Only with a restricted instruction set first, the others are added.
     """
-    settings.load_profile("slow run" if explores(config) else "default run")
     if os.environ.get("XLA_FLAGS", "--xla_cpu_max_isa").startswith("--xla_cpu_max_isa"):
         compiled_programs.quickly()
     jax.config.update("jax_compilation_cache_dir", str(config.cache.mkdir("xla")))
@@ -118,6 +117,7 @@ def pytest_configure(config):
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     # An entry that another process is still writing is incomplete: the program is then compiled.
     config.addinivalue_line("filterwarnings", "ignore:Error reading persistent compilation cache entry")
+    settings.load_profile("slow run" if explores(config) else "default run")
 
 
 @pytest.fixture

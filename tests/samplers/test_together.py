@@ -179,7 +179,7 @@ QUICK = [("designed, progressive", "plain"), ("progressive", "prefix"), ("dither
     ("name", "change", "keys", "dims"),
     [
         *((*case, range(1), FEW) for case in QUICK),
-        *slow_cases(*((*case, range(200), MANY) for case in CASES)),
+        *slow_cases(*((*case, range(4), MANY) for case in CASES)),
     ],
 )
 def test_groups_are_independent_within_an_image_of_each_key(name, change, keys, dims):

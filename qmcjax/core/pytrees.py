@@ -100,7 +100,7 @@ def listing(*names: str) -> Any:
 
     def listed(value: Any) -> list[str]:
         if type(value).__module__.split(".")[0] != _PACKAGE:
-            return object.__dir__(value)
+            return list(object.__dir__(value))
         shown = {*names, *(field.name for field in fields(value))} - {"called"}
         return [name for name in object.__dir__(value) if name.startswith("_") or name in shown]
 

@@ -27,7 +27,7 @@ def inverted(sampler, x, y, sample):
         index = sampler.index(x, y, sample)
     else:
         index = sampler.net.index_in_cell(x, y, sampler.log_side, sample)
-    return index, sampler(x, y, sample, dtype=jnp.float64), sampler(x, y, sample)
+    return index, sampler(x, y, sample, (0, 1), jnp.float64), sampler(x, y, sample, (0, 1))
 
 
 def on_screen(sampler, x, y, sample, side):

@@ -3,6 +3,7 @@
 import gc
 import os
 import re
+import time
 from pathlib import Path
 
 import jax
@@ -49,9 +50,10 @@ sequence = pytest.fixture(made, name="sequence")
 value = pytest.fixture(made, name="value")
 
 
-MAY_BE_MISSING = re.compile(r"\b(torch|qmcpy|Sphinx|papers)\b")
+MAY_BE_MISSING = re.compile(r"\b(torch|qmcpy|Sphinx|papers|no time left)\b")
 """In reasons of skipping. torch takes gigabytes, parts of qmcpy are compiled when it is installed, what needs
-Sphinx runs in CI when the documentation is made, and the texts of the papers are not in the project.
+Sphinx runs in CI when the documentation is made, the texts of the papers are not in the project, and the time
+of CI is limited.
 """
 
 
@@ -98,10 +100,23 @@ def explores(config):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Run Hypothesis's tests with the slow ones, too."""
+    """Run Hypothesis's tests with the slow ones, too, and begin at another file each day: see `in_time`."""
     for item in items if explores(config) else ():
         if getattr(getattr(item, "obj", None), "is_hypothesis_test", False):
             item.add_marker("slow")
+    if turn := int(os.environ.get("QMCJAX_TURN", 0)):
+        files = list(dict.fromkeys(item.path for item in items))
+        items.sort(key=lambda item: (files.index(item.path) - 37 * turn) % len(files))
+
+
+STARTED = time.monotonic()
+
+
+@pytest.fixture(autouse=True)
+def in_time():
+    """Skip what begins after the seconds that CI has for slow tests."""
+    if time.monotonic() - STARTED > float(os.environ.get("QMCJAX_SECONDS", "inf")):
+        pytest.skip("no time left for this test, whose turn is on another day")
 
 
 def pytest_configure(config):

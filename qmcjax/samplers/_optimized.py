@@ -292,8 +292,8 @@ def optimized(
     the sequence, m = 2k + log2(spp), and the first ``2**j`` samples of a pixel are such a block of ``2**j``.
     So they are (t, m, s)-nets with the t of the sequence: 0 in two dimensions, 1 for Niederreiter-Xing. Each
     sample of each pixel is uniform over keys, including the first. In each image, the first samples of all
-    pixels are spread over each coordinate, for any spp; but with more than eight dimensions, where the search
-    ended, those of some pairs of coordinates depend on each other until all samples are taken.
+    pixels are spread over each coordinate, for any spp; but from eight dimensions on, where the search ended,
+    those of some pairs of coordinates depend on each other until all samples are taken.
 
     In up to two dimensions, each square of a tile of 64 x 64 pixels has its own permutation. From three
     dimensions on, the index of a sample is a linear map over F2 of the bits of x, y and its number in the

@@ -122,8 +122,8 @@ class Tiled(OfDims):
             # The first 2**k samples of a pixel remain so, but meet those of other copies in another order.
             number = shuffled(number, shuffle, self.tile.shape[3].bit_length() - 1)
         if copy and boxes > 1:
-            # New in each frame, so boxes of two copies combine in all ways over time.
-            seed = hash_pair(hashed ^ self.seeds[copy, _SHUFFLE, 1], self.frame)
+            # New in each frame and for each point of the tile, so boxes of two copies combine in all ways.
+            seed = hash_pair(hashed ^ self.seeds[copy, _SHUFFLE, 1], self.frame ^ (number << 16))
             digits = boxes.bit_length() - 1
             box = reverse(owen_hash(reverse(box << np.uint32(32 - digits)), seed)) >> np.uint32(32 - digits)
             box = box ^ (self.seeds[copy, _SHUFFLE, 0] & np.uint32(boxes - 1))

@@ -33,11 +33,13 @@ FEW, MANY = 12, 40
 """Numbers of coordinates, by default and on request."""
 
 QUAD, NET, LATTICE = 4 / 3, 8 / 3, 4
+BOXES, PLACES = 4, 2 * QUAD
 """Variances of joint counts over those of independent points, at most.
 
 Values that add up to zero over n places match others at random with n / (n - 1) times the variance: over the
 quadrants of squares, and over samples 0 and 1, which groups of nets keep together. Four points of a lattice
-in a pixel count as one.
+in a pixel count as one, and so do the samples of a pixel that visit four boxes in each group. A tile of 8 x 8
+pixels has as many relative translations and reflections as an image of 64 x 64 has blocks.
 """
 
 
@@ -68,8 +70,10 @@ def z(*variant, changes="split", **options):
 
 def along(make, *arguments, more=0, **options):
     order = orders.hilbert(SIDE, SIDE)
+    # Some pairs of more Sobol' coordinates are dependent in so few points, along any order.
     return Law(
-        lambda d, key: make(order, sequences.owen(sequences.sobol(d + more), key), *arguments, **options)
+        lambda d, key: make(order, sequences.owen(sequences.sobol(d + more), key), *arguments, **options),
+        most=FEW,
     )
 
 
@@ -91,12 +95,12 @@ LAWS = {
     "designed, 2": designed(2, "frame repeats split"),
     "designed, 4": designed(4, "frame repeats split"),
     "designed, 16": designed(16),
-    "designed, 64": designed(64),
+    "designed, 64": replace(designed(64), variance=BOXES, most=FEW),
     "designed, progressive": designed(16, progressive=True),
     "designed, frames": designed(1, size=2, frames=32),
-    "tiled, 8": Law(lambda dims, key: samplers.tiled(TILE, key, dims=dims), 2, 4, "frame repeats"),
+    "tiled, 8": Law(lambda dims, key: samplers.tiled(TILE, key, dims=dims), 2, 4, "frame repeats", PLACES),
     "progressive": Law(lambda d, key: samplers.progressive(SIDE, SIDE, key, d), 4, 4, "split", NET),
-    "optimized": Law(lambda dims, key: samplers.optimized(SIDE, SIDE, 4, key, dims)),
+    "optimized": Law(lambda dims, key: samplers.optimized(SIDE, SIDE, 4, key, dims), most=FEW),
     "z": z(),
     "z, tree": z("tree"),
     "z, frames": z(changes="frame split", frames=4),
@@ -104,9 +108,9 @@ LAWS = {
     "contiguous": along(samplers.contiguous, 4),
     "partitioned": along(samplers.partitioned, more=1),
     "segments": along(samplers.segments, 1, doubling=True),
-    "full_screen": Law(lambda dims, key: samplers.full_screen(shifted(dims, key), SIDE, SIDE)),
+    "full_screen": Law(lambda dims, key: samplers.full_screen(shifted(dims, key), SIDE, SIDE), most=FEW),
     "padded_replications": Law(
-        lambda dims, key: samplers.padded_replications(shifted(dims, key), SIDE, SIDE, key)
+        lambda dims, key: samplers.padded_replications(shifted(dims, key), SIDE, SIDE, key), most=FEW
     ),
     "ranked": Law(lambda d, key: samplers.ranked(d, key), changes="split frame repeats", most=4),
     "dither, 64, vectors": dither(2),
@@ -114,8 +118,10 @@ LAWS = {
     "dither, 16": dither(1, 16),
 }
 
-FEWER = {("optimized", "prefix"): 8}
-"""Numbers of coordinates for which its first samples were searched: some pairs of others coincide."""
+FEWER = {("optimized", "prefix"): 7, ("designed, 4", "frame"): FEW, ("designed, 16", "frame"): FEW}
+"""Fewer coordinates: those for which first samples were searched (some pairs of others coincide); in frames,
+pairs of 40 coordinates exceed these variances.
+"""
 
 TRANSFORMATIONS = {
     "plain": lambda sampler, spp: (sampler, first(spp), SIDE),

@@ -65,7 +65,7 @@ TITLES = {
     "thesis-3.1.8": "Interpolated frames show smoke twice, on any grid; advection moves it",
     "thesis-3.1": "A ray hits a moving triangle from one crossing of an edge to the next",
     "thesis-3.2": "What a ray sees changes far less often than the worst case of m^2",
-    "thesis-3.2.1": "At equal time, analytic visibility in time lowers the error in three of seven settings",
+    "thesis-3.2.1": "At equal time, analytic visibility in time gains in three of seven settings",
     "thesis-3.3": "Prediction has less than half the error of blending where things move",
     "thesis-3.3.1": "Each approximation of motion blur is close in some scenes and fails in others",
     "thesis-3.3.4": "Predicted images have less error than plain ones, but are biased",

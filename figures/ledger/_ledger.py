@@ -188,7 +188,7 @@ def reservation(name: str, quality: Any, numbers: Any) -> str:
     pairs = [(of, _cases(found.get(key)).get(case)) for key in kept for case, of in _cases(kept[key]).items()]
     count = sum(one != other and other is not None for one, other in pairs)
     run = "draft" if quality == "draft" else "not in this run"
-    return f"{run}: {count} of {len(pairs)} findings are otherwise or undecided" if count else ""
+    return f"{run}: {count} of {len(pairs)} differ" if count else ""
 
 
 def _cases(found: Any) -> Mapping[str, Found]:

@@ -67,7 +67,7 @@ def test_titles_rest_on_what_this_run_found():
     quality = kept["Z almost delivers the best quality"]
     numbers = {"claims": kept | {"Z almost delivers the best quality": dict.fromkeys(quality, UNDECIDED)}}
     total = sum(len(found) if isinstance(found, dict) else 1 for found in kept.values())
-    said = f"3 of {total} findings are otherwise or undecided"
+    said = f"3 of {total} differ"
     assert reservation("z-10", "draft", numbers) == f"draft: {said}"
     assert reservation("z-10", "paper", numbers) == f"not in this run: {said}"
 

@@ -185,8 +185,7 @@ def _numbers(scene: tracing.Estimator, x: jax.Array, y: jax.Array, at: jax.Array
 
 def _draw(measured: Mapping[str, Any]) -> Figure:
     figure = new_figure(
-        "At equal time, analytic visibility in time lowers the error in three of seven settings\n"
-        "thesis, Sect. 3.2",
+        "At equal time, analytic visibility in time gains in three of seven settings\nthesis, Sect. 3.2",
         3.5,
     )
     shown = {name: measured[name] for name in (ALL, BOX) if measured[name]}

@@ -201,7 +201,7 @@ def test_heavy_tails_are_reported(name):
         ("student", student, 'interval="quantile" is more'),
         ("quantile", quantile, "choose another"),
     ):
-        found = estimate(lambda p: function(p[:, 0], jnp), kind, 3, n=256)
+        found = estimate(lambda p: function(p[:, 0], jnp), kind, 3, n=512)
         assert alarmed is None or found.reached is not alarmed
         assert alarmed is not True or (found.reason.startswith("values are heavy") and advice in found.reason)
 

@@ -298,7 +298,7 @@ KEPT = []
 
 def make(quality, progress):
     KEPT.append(b"x" * SIZE)
-    hold = "import sys, time; held = b'x' * int(sys.argv[1]); time.sleep(0.6)"
+    hold = "import sys, time; held = b'x' * int(sys.argv[1]); time.sleep(1.5)"
     subprocess.run([sys.executable, "-c", hold, str(SIZE // 19 * 10)], check=True)
     return Figure(figsize=(1, 1)), {"measured": {"process": os.getpid()}}
 """

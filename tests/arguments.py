@@ -110,6 +110,7 @@ def right_of_functions():
         "qmcjax.sequences.read_lattice.path": [files()["lattice"]], "qmcjax.sequences.read_lattice.n": [5],
         "qmcjax.sequences.matrices_text.matrices": [np.asarray(sequences.sobol(2).matrices)],
         "qmcjax.sequences.lattice_text.lattice": [sequences.korobov(5, 2, 2)],
+        "qmcjax.sequences.rotate.offset_or_key": [1],
         "qmcjax.samplers.contiguous.spp": [4], "qmcjax.orders.peano.width": [3, 9],
         "qmcjax.orders.peano.height": [3, 9],
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],

@@ -361,10 +361,14 @@ def failures(qualified, things):
     return failed
 
 
+INCOMPLETE = ("qmcjax.pytree", "qmcjax.sequences.rotate")
+"""They do not take what must not be left out alone: one is a decorator, one needs an offset or a key."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("qualified", NAMES)
 def test_one_wrong_argument(qualified):
     """None of them makes a function end otherwise than it may; all that are right are taken."""
-    assert qualified == "qmcjax.pytree" or outcome(qualified, right_call(qualified), ()) is None
+    assert qualified in INCOMPLETE or outcome(qualified, right_call(qualified), ()) is None
     failed = failures(qualified, few_wrong_things() if qualified in LONG else wrong_things())
     assert not failed, "\n".join([f"{len(failed)} calls", *failed])

@@ -15,10 +15,9 @@ from functools import partial
 from pathlib import Path
 
 from figures import page
-from figures._options import advice, check_job, listing, parser_of
+from figures._options import advice, listing, parser_of
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, Entry
 from figures.making import compiled_programs, heitz, stbn, store
-from figures.making.job import Job, JobError, Where, share
 from figures.making.this_machine import peak_memory
 from figures.making.updating import plan, update, warn
 from qmcjax.core import packages
@@ -73,7 +72,6 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     if options.list:
         print(listing(options.names or catalogue, catalogue))
         return 0
-    check_job(parser, options)
     names = _choose(options, catalogue)
     for option, (check, switch) in PUBLISHED.items():
         path = getattr(options, option)
@@ -96,31 +94,16 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
     # Figures mostly wait for compilations, which take one core each.
     jobs = options.jobs or min(2, os.cpu_count() or 1)
     remains = f"what was finished stays in {options.out}"
-    job = None
     try:
-        if options.distributed or options.coordinator:
-            job = Job(Where(options.coordinator, options.processes, options.process_id))
         with peak_memory() as peak:
             formats = ("png", "webp", "pdf")[: 2 + (options.format == "pdf")]
             tasks = plan(names, catalogue, options.quality, options.out, formats)
-            if job is None:
-                failed = update(tasks, options.out, jobs, partial(page.write, options.out, catalogue))
-            else:
-                failed = share(tasks, options.out, jobs, job)
-        shown = (job is not None and job.process > 0) or _show(options.out, catalogue, failed)
-        if job is not None:
-            job.meet("shown")
-            job.leave()
+            failed = update(tasks, options.out, jobs, partial(page.write, options.out, catalogue))
+        shown = _show(options.out, catalogue, failed)
     except KeyboardInterrupt:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C would only disturb the exit
         print(f"interrupted: {remains}", file=sys.stderr)
         return 130
-    except JobError as error:
-        print(f"{error}: {remains}, and the same command goes on with the rest", file=sys.stderr)
-        return 1
-    finally:
-        if job is not None:
-            job.end()
     if peak.bytes:
         print(f"peak memory of all processes: {peak.bytes / 1e9:.2f} GB")
     if failed:

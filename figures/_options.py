@@ -49,7 +49,6 @@ examples:
   qmcjax thesis-6.1 --quality paper     one figure as printed
   qmcjax thesis-6.1 --format pdf        also as vector graphics
   qmcjax --out gallery --jobs 4         four figures at a time, into gallery/
-  qmcjax --distributed --out gallery    on all machines of a job, for example of SLURM
   qmcjax compare --help                 compare samplers: yours, ours, and those of others
   qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
   qmcjax mask --help                    masks of blue noise of any size, as files
@@ -99,59 +98,7 @@ later runs; in paper quality, figures that measure time compile again. Exit stat
         help="the frames of a published texture over space and time (STBN, FAST), NAME_0.png and so on, "
         "which designed-samplers measures beside our samplers",
     )
-    several = parser.add_argument_group(
-        "several machines", "each runs the same command, with the same output folder, and makes its share"
-    )
-    several.add_argument(
-        "--distributed",
-        action="store_true",
-        help="started by SLURM, Open MPI, Kubernetes or Cloud TPU",
-    )
-    several.add_argument(
-        "--coordinator",
-        type=_address,
-        metavar="HOST:PORT",
-        help="by hand: the address of process 0",
-    )
-    several.add_argument(
-        "--processes", type=count, metavar="N", help="with --coordinator: the number of processes"
-    )
-    several.add_argument(
-        "--process-id",
-        type=partial(count, least=0),
-        metavar="K",
-        help="with --coordinator: the number of this process, 0 to N-1",
-    )
     return parser
-
-
-def check_job(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Exit with a message if the options of a job contradict each other."""
-    by_hand = {
-        "--coordinator": options.coordinator,
-        "--processes": options.processes,
-        "--process-id": options.process_id,
-    }
-    missing = [name for name, value in by_hand.items() if value is None]
-    if options.distributed and len(missing) < 3:
-        parser.error(
-            "--distributed asks the cluster for --coordinator, --processes and --process-id: not both"
-        )
-    if not options.distributed and 0 < len(missing) < 3:
-        parser.error(
-            f"--coordinator, --processes and --process-id belong together, got no {', '.join(missing)}"
-        )
-    if not missing and options.process_id >= options.processes:
-        parser.error(
-            f"--process-id: must be below the {options.processes} processes, got {options.process_id}"
-        )
-
-
-def _address(text: str) -> str:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 2**16:
-        raise argparse.ArgumentTypeError(f"must be HOST:PORT, got {text!r}")
-    return text
 
 
 def _folder(text: str) -> Path:

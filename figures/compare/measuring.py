@@ -167,7 +167,7 @@ class Run:
 
     def measure(self, folder: Path, progress: Callable[[], Any]) -> None:
         """Measure all entries; what is finished stays in a folder, for an interrupted run to go on."""
-        token = finished_cells.PLACE.set(finished_cells.Place(folder / "cells"))
+        token = finished_cells.PLACE.set(folder / "cells")
         try:
             for name, entry in self.entries.items():
                 self.measured[name] = self._entry(entry, progress)

@@ -10,9 +10,6 @@ from pathlib import Path
 from typing import Any
 
 NUMBERS = "numbers.json"
-OF_PROCESS = "numbers-of-process-*.json"
-"""The entries of a job's processes, until they are gathered in one file."""
-
 IMAGE_PARTS = ("file", "difference", "spectrum")
 """The files of an exported image."""
 
@@ -41,25 +38,25 @@ def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
 
-def read_numbers(folder: Path, file: str = NUMBERS) -> dict[str, dict[str, Any]]:
-    """Return the entries of ``numbers.json``, or of another file, by the figures' names.
+def read_numbers(folder: Path) -> dict[str, dict[str, Any]]:
+    """Return the entries of ``numbers.json`` by the figures' names.
 
     Raises OSError if the file is missing or cannot be read, and ValueError if it has another format.
     """
-    entries = json.loads((folder / file).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    entries = json.loads((folder / NUMBERS).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
     if not isinstance(entries, dict) or not all(isinstance(entry, dict) for entry in entries.values()):
         raise ValueError("it is not an object of objects")
     return entries
 
 
-def known(folder: Path, warn: Callable[[str], None], file: str = NUMBERS) -> dict[str, dict[str, Any]]:
+def known(folder: Path, warn: Callable[[str], None]) -> dict[str, dict[str, Any]]:
     """Return the entries, if any; rename a damaged file, and ``warn``."""
     try:
-        return read_numbers(folder, file)
+        return read_numbers(folder)
     except FileNotFoundError:
         return {}
     except (OSError, ValueError) as error:
-        path = folder / file
+        path = folder / NUMBERS
         names = (path.with_name(f"{path.stem}.damaged-{k}{path.suffix}") for k in count(1))
         kept = next(name for name in names if not name.exists())
         os.rename(path, kept)
@@ -67,27 +64,11 @@ def known(folder: Path, warn: Callable[[str], None], file: str = NUMBERS) -> dic
         return {}
 
 
-def record(
-    folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None], process: int | None = None
-) -> None:
-    """Add or replace the entry of a figure; entries that others wrote during this run are kept.
-
-    The processes of a job write at the same time, so each has its own file (see :func:`gather`).
-    """
-    file = NUMBERS if process is None else OF_PROCESS.replace("*", str(process))
-    _replace(folder, known(folder, warn, file) | {name: entry}, file)
-
-
-def gather(folder: Path, warn: Callable[[str], None]) -> None:
-    """Add the entries of a job's processes to the others."""
-    for path in sorted(folder.glob(OF_PROCESS)):
-        _replace(folder, known(folder, warn) | known(folder, warn, path.name), NUMBERS)
-        path.unlink(missing_ok=True)
-
-
-def _replace(folder: Path, entries: Mapping[str, Any], file: str) -> None:
-    text = json.dumps(dict(sorted(entries.items())), indent=2, ensure_ascii=False, allow_nan=False)
-    write(folder / file, (text + "\n").encode())
+def record(folder: Path, name: str, entry: dict[str, Any], warn: Callable[[str], None]) -> None:
+    """Add or replace the entry of a figure; entries that others wrote during this run are kept."""
+    entries = dict(sorted((known(folder, warn) | {name: entry}).items()))
+    text = json.dumps(entries, indent=2, ensure_ascii=False, allow_nan=False)
+    write(folder / NUMBERS, (text + "\n").encode())
 
 
 def image_files(name: str, entry: Mapping[str, Any]) -> list[str]:

@@ -14,7 +14,6 @@ from tqdm import tqdm
 from figures.catalogue import Entry
 from figures.making import store
 from figures.making.fingerprint import fingerprint
-from figures.making.finished_cells import Place
 from figures.making.workers import Done, Failed, Task, run
 
 CELLS = ".cells"
@@ -41,7 +40,7 @@ def plan(
     for name in names:
         entry = catalogue[name]
         content = fingerprint(entry.module, quality)
-        alone, place = quality == "paper" and entry.timed, Place(folder / CELLS / name / content)
+        alone, place = quality == "paper" and entry.timed, folder / CELLS / name / content
         tasks.append(Task(name, entry.module, quality, entry.title, content, alone, place, tuple(formats)))
     if quality == "paper":
         tasks.sort(key=lambda task: (task.alone, not catalogue[task.name].long))
@@ -61,8 +60,7 @@ def update(
     figures to make at a time. ``grow``: called now and then with the names of the figures that have failed so
     far.
     """
-    store.gather(folder, warn)
-    failed = make(outdated(tasks, folder), folder, jobs, grow=grow)
+    failed = make(outdated(tasks, folder), folder, jobs, grow)
     forget_cells(folder, {task.name for task in tasks} - set(failed))
     return failed
 
@@ -94,39 +92,23 @@ def make(
     tasks: Sequence[Task],
     folder: Path,
     jobs: int,
-    process: int | None = None,
-    claim: Callable[[Task], bool] = lambda task: True,
-    check: Callable[[], None] = lambda: None,
     grow: Callable[[list[str]], object] | None = None,
 ) -> list[str]:
-    """Make figures, keep them, and return the names of those that failed.
-
-    In a job, ``process`` is the number of this process, ``claim`` claims a figure that no other process
-    makes, and ``check`` raises an exception when the job has ended.
-    """
+    """Make figures, keep them, and return the names of those that failed."""
     failed: list[str] = []
     ended, due = 0, 0.0
     layout = "{desc}{percentage:3.0f}%|{bar}| {elapsed}<{remaining}"
     with tqdm(total=len(tasks), bar_format=layout, leave=False, disable=None) as bar:
 
-        def take(task: Task) -> bool:
-            """Claim a figure, or remove it from the bar."""
-            claimed = claim(task)
-            bar.total -= not claimed
-            return claimed
-
         def watch(fractions: Mapping[str, float]) -> None:
-            check()
             bar.n = ended + sum(fractions.values())
             bar.set_description(", ".join(fractions))
 
-        with closing(run(tasks, jobs, take, watch)) as results:
+        with closing(run(tasks, jobs, watch)) as results:
             for task, result in results:
                 ended += 1
-                if not _finish(folder, task, result, process):
+                if not _finish(folder, task, result):
                     failed.append(task.name)
-                if task.place is not None:
-                    task.place.end()
                 if grow is not None and time.monotonic() >= due:
                     with suppress(OSError):  # The command reports it at the end.
                         grow(failed)
@@ -134,9 +116,9 @@ def make(
     return failed
 
 
-def _finish(folder: Path, task: Task, result: Done | Failed, process: int | None = None) -> bool:
+def _finish(folder: Path, task: Task, result: Done | Failed) -> bool:
     """Keep a figure, report its result, and return whether it succeeded."""
-    kept = result if isinstance(result, Failed) else _keep(folder, task, result, process)
+    kept = result if isinstance(result, Failed) else _keep(folder, task, result)
     if isinstance(kept, Failed):
         say(f"{task.name}: failed")
         say(kept.trace.rstrip(), sys.stderr)
@@ -145,7 +127,7 @@ def _finish(folder: Path, task: Task, result: Done | Failed, process: int | None
     return True
 
 
-def _keep(folder: Path, task: Task, done: Done, process: int | None) -> float | Failed:
+def _keep(folder: Path, task: Task, done: Done) -> float | Failed:
     """Write a figure, its entry last, since the entry marks the picture as up to date."""
     head = {"title": task.title, "quality": task.quality, "fingerprint": task.fingerprint}
     entry = head | json.loads(done.entry)
@@ -154,7 +136,7 @@ def _keep(folder: Path, task: Task, done: Done, process: int | None) -> float | 
             store.write(folder / f"{task.name}.{end}", file)
         if "table" in entry["numbers"]:
             store.write(folder / f"{task.name}.csv", store.as_csv(entry["numbers"]["table"]))
-        store.record(folder, task.name, entry, warn, process)
+        store.record(folder, task.name, entry, warn)
     except OSError as error:
         return Failed(f"{task.name}: cannot be written: {error}")
     return entry["seconds"]

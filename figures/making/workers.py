@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 
 from figures import ledger
 from figures.making import compiled_programs
-from figures.making.finished_cells import PLACE, Place
+from figures.making.finished_cells import PLACE
 from figures.making.legibility import faults
 from figures.making.schema import check_numbers
 from figures.making.this_machine import machine, resident
@@ -61,8 +61,8 @@ class Task(NamedTuple):
     fingerprint: str = ""
     alone: bool = False
     """Whether no other task may run at the same time, since it measures run and compile time."""
-    place: Place | None = None
-    """The folder where cells are kept and shared."""
+    place: Path | None = None
+    """The folder where finished cells are kept."""
     formats: tuple[str, ...] = ("png", "webp")
     """Suffixes of the files of its picture; ``pdf`` is possible as well."""
 
@@ -83,15 +83,13 @@ class Failed(NamedTuple):
 def run(
     tasks: Sequence[Task],
     jobs: int,
-    claim: Callable[[Task], bool] = lambda task: True,
     watch: Callable[[Mapping[str, float]], object] = lambda fractions: None,
 ) -> Generator[tuple[Task, Done | Failed], None, None]:
     """Yield tasks with their results, up to ``jobs`` at a time, and kill the workers when closed.
 
-    Tasks start in the given order, in reused workers. ``claim`` is called before a task starts; if it returns
-    False, the task is skipped. ``watch`` is called repeatedly with the finished fractions of the running
-    tasks by name; an exception that it raises ends all tasks. Where processes cannot share memory, as without
-    a writable ``/dev/shm``, tasks run in this process, one after another.
+    Tasks start in the given order, in reused workers. ``watch`` is called repeatedly with the finished
+    fractions of the running tasks by name; an exception that it raises ends all tasks. Where processes cannot
+    share memory, as without a writable ``/dev/shm``, tasks run in this process, one after another.
     """
     # XLA allocates with malloc, whose fresh 4 KiB pages can cost more than the arithmetic. Huge pages must
     # be enabled in the environment before a process starts.
@@ -105,17 +103,16 @@ def run(
         while waiting or busy:
             while waiting and _may_start(waiting[0], [worker.task for worker in busy.values()], jobs):
                 task = waiting.popleft()
-                if claim(task):
-                    idle = [worker for worker in idle if worker.process.is_alive()]
-                    try:
-                        worker = idle.pop() if idle else _Worker(context)
-                    except OSError as error:
-                        if not alone:
-                            print(f"figures are made in this process: {error}", file=sys.stderr)
-                        alone = True
-                        yield task, _answer(task, lambda fraction, name=task.name: watch({name: fraction}))
-                        continue
-                    busy[worker.start(task)] = worker
+                idle = [worker for worker in idle if worker.process.is_alive()]
+                try:
+                    worker = idle.pop() if idle else _Worker(context)
+                except OSError as error:
+                    if not alone:
+                        print(f"figures are made in this process: {error}", file=sys.stderr)
+                    alone = True
+                    yield task, _answer(task, lambda fraction, name=task.name: watch({name: fraction}))
+                    continue
+                busy[worker.start(task)] = worker
             watch({worker.task.name: worker.fraction.value for worker in busy.values()})
             for future in wait(busy, INTERVAL, FIRST_COMPLETED).done:
                 worker = busy.pop(future)

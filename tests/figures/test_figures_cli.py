@@ -23,8 +23,6 @@ from figures.making.fingerprint import sources
 from figures.making.workers import Task
 from figures.page import _html
 
-BY_HAND = ["--coordinator", "a:1", "--processes", "2"]
-
 
 @pytest.mark.parametrize(
     "arguments, status, said",
@@ -48,11 +46,6 @@ BY_HAND = ["--coordinator", "a:1", "--processes", "2"]
         (["--out", "file"], 2, "--out 'file' cannot be written"),
         (["--out", ""], 2, "--out: must name a folder, got ''"),
         (["--nonsense"], 2, "--nonsense"),
-        (BY_HAND, 2, "belong together, got no --process-id"),
-        (["--process-id", "1"], 2, "belong together, got no --coordinator, --processes"),
-        (["--coordinator", "a", "--processes", "2"], 2, "--coordinator: must be HOST:PORT, got 'a'"),
-        ([*BY_HAND, "--process-id", "2"], 2, "below the 2 processes, got 2"),
-        (["--distributed", "--processes", "2"], 2, "not both"),
     ],
 )
 def test_usage(tmp_path, monkeypatch, capsys, arguments, status, said):

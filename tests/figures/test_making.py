@@ -253,7 +253,7 @@ def test_cells_are_what_they_are_computed_to(tmp_path, kept):
         return arrays[name]
 
     cells = {name: partial(compute, name) for name in arrays}
-    token = finished_cells.PLACE.set(finished_cells.Place(tmp_path / "kept") if kept else None)
+    token = finished_cells.PLACE.set(tmp_path / "kept" if kept else None)
     try:
         for _ in range(2):
             found = finished_cells.shared("label", cells, parts.append)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 from importlib.util import find_spec
 from typing import Any
 
@@ -45,23 +44,6 @@ def threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(
         len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     )
-
-
-def _multiply_add() -> Callable[..., float]:
-    """Return a function for a b + c, rounded once: one instruction on most CPUs, else a C call."""
-    if not COMPILED:
-        return lambda a, b, c: float(Fraction(a) * Fraction(b) + Fraction(c))
-    from numba import float64  # pyright: ignore[reportMissingImports]
-    from numba.extending import intrinsic  # pyright: ignore[reportMissingImports]
-
-    @intrinsic
-    def multiply_add(types: Any, a: Any, b: Any, c: Any) -> Any:
-        return float64(float64, float64, float64), lambda _, builder, __, numbers: builder.fma(*numbers)
-
-    return multiply_add
-
-
-multiply_add = _multiply_add()
 
 
 Floats = NDArray[np.float64]

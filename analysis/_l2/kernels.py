@@ -4,10 +4,8 @@ The squared discrepancy of good points is smaller than its three sums by a facto
 them to 53 bits is too inaccurate.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
 
 import jax.numpy as jnp
 import numpy as np
@@ -50,10 +48,6 @@ def multiply(x: Wide, y: Wide) -> Wide:
     return two_sum(high, low + (x[0] * y[1] + x[1] * y[0]))
 
 
-def product(factors: Sequence[Wide]) -> Wide:
-    return reduce(multiply, factors)
-
-
 def split(x: Array, bound: float) -> Wide:
     """Split into multiples of a power of two, with exact sums up to ``bound``, and the rest."""
     unit = 2.0 ** (int(np.ceil(np.log2(bound))) - 52)
@@ -93,11 +87,6 @@ class Kernel:
     distance: float = 0.0
     square: float = 0.0
 
-    @property
-    def rank(self) -> int:
-        """The number of nonzero factors, the first of (one, two, three)."""
-        return 3 if self.square else 2 if self.bend or self.linear != self.distance else 1
-
     def mean(self) -> Wide:
         """Return the integral of K over both arguments."""
         return self._with_third(self.constant + self.linear + self.bend / 2, self.distance + self.square / 2)
@@ -120,21 +109,6 @@ class Kernel:
 
     def average_derivative(self, x: Array) -> Array:
         return self.own_derivative(x) + (self.distance + self.square) * (2 * x - 1)
-
-    def factors(self, x: Array, rank: int) -> tuple[list[Wide], list[Wide]]:
-        """Return functions with K(x, y) = sum_r lower_r(min(x, y)) upper_r(max(x, y))."""
-        zero, one = jnp.zeros_like(x), jnp.ones_like(x)
-        upper = add((self.constant * one, zero), self._quadratic(x, self.distance, self.square))
-        lower = self._quadratic(x, -self.distance, self.square)
-        product = two_product(-2 * self.square * one, x)
-        return [(one, zero), lower, (x, zero)][:rank], [upper, (one, zero), product][:rank]
-
-    def factor_derivatives(self, x: Array, rank: int) -> tuple[list[Array], list[Array]]:
-        """Return the derivatives of the factors."""
-        zero, one = jnp.zeros_like(x), jnp.ones_like(x)
-        fixed, moving = self.own_derivative(x), 2 * self.square * x
-        upper, lower = fixed + self.distance + moving, fixed - self.distance + moving
-        return [zero, lower, one][:rank], [upper, zero, -2 * self.square * one][:rank]
 
     def _quadratic(self, x: Array, first: Array | float, second: Array | float) -> Wide:
         one = jnp.ones_like(x)

@@ -1,20 +1,11 @@
 """Measures of very many points: the values of the plain ways, to the last bit, in little memory."""
 
-import math
 import tracemalloc
-from concurrent.futures import ThreadPoolExecutor
-from fractions import Fraction
 
-import jax
 import numpy as np
 import pytest
-from closed_forms import CLOSED_FORMS, KERNELS, exact_square, fractions
 
 import analysis
-from analysis._l2 import l2_discrepancy, merges
-from analysis._l2 import merges as scalars
-from analysis._l2.kernels import STAR
-from analysis._l2.merges import many_points_discrepancy
 from analysis._star import bounds, plane, star_discrepancy
 from analysis._star import bounds as cells
 from analysis._star.bounds import cell_bounds
@@ -118,95 +109,14 @@ def test_the_minimum_distance_takes_three_times_the_memory_and_leaves_points_alo
         (analysis.min_distance, 3, 20),
         (analysis.star_discrepancy, 2, 18),
         (analysis.star_discrepancy_bounds, 3, 21),
-        (analysis.l2_star_discrepancy, 2, 18),
-        (analysis.l2_star_discrepancy, 3, 17),
     ],
 )
 def test_measures_of_many_points_take_three_times_their_memory(measure, dims, m):
     """As NumPy counts; programs of JAX are counted in the figure, by the system."""
     points = sobol(dims, 2**m)
-    if measure in (analysis.star_discrepancy, analysis.l2_star_discrepancy):
+    if measure is analysis.star_discrepancy:
         measure(points[: 2**17])  # compiles
     assert traced_peak(measure, points) < 3
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dims", [2, 3])
-@pytest.mark.parametrize("kind", CLOSED_FORMS)
-def test_merging_finds_what_all_pairs_find(kind, dims, monkeypatch):
-    """For points at random, with equal coordinates, and so even that most digits cancel; in any parts."""
-    measure = getattr(analysis, f"{kind}_discrepancy")
-    sets = [RANDOM.random((1, dims)), RANDOM.random((299, dims))]
-    sets += [RANDOM.integers(0, 5, (299, dims)) / 8, sobol(dims, 299)]
-    expected = [float(measure(points)) for points in sets]
-    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
-    monkeypatch.setattr(l2_discrepancy, "_measure", pytest.fail)
-    for parts in (16, 1):
-        monkeypatch.setattr(merges, "_PARTS", parts)
-        found = [measure(points) for points in sets]
-        assert [float(value) for value in found] == pytest.approx(expected, rel=1e-12)
-        assert all(value.dtype == np.float64 and value.shape == () for value in found)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("dims", [2, 3])
-@pytest.mark.parametrize("kind", CLOSED_FORMS)
-def test_merging_is_exact_to_the_last_digits(kind, dims, monkeypatch):
-    """Points with all digits, far apart in size, on few coordinates, twice the same; parts with no points."""
-    sets = [RANDOM.random((n, dims)) for n in (1, 2, 3, 31)] + [RANDOM.random((31, dims)) ** 9]
-    sets += [RANDOM.integers(0, 4, (31, dims)) / 7, np.repeat(RANDOM.random((11, dims)), 3, axis=0)]
-    for parts in (16, 2):
-        monkeypatch.setattr(merges, "_PARTS", parts)
-        for points in sets:
-            expected = math.sqrt(exact_square(fractions(points), kind))
-            assert many_points_discrepancy(points, KERNELS[kind]) == pytest.approx(expected, rel=1e-15)
-
-
-@pytest.mark.slow
-def test_scalars_keep_what_rounding_takes():
-    """Also of sums of many numbers, where what rounding took is much more than the last digit."""
-    numbers = RANDOM.random((2**16, 4)) * 2.0 ** RANDOM.integers(-30, 1, (2**16, 4))
-    numbers[:, 1::2] = numbers[:, ::2] * RANDOM.random((2**16, 2)) * 2.0**-53
-    high, low, exact = 0.0, 0.0, []
-    for a, b, c, d in numbers.tolist():
-        high, low = scalars.add(high, low, *scalars.multiply(a, b, c, d))
-        exact.append((Fraction(a) + Fraction(b)) * (Fraction(c) + Fraction(d)))
-    for a, _, c, _ in numbers[:99].tolist():
-        assert sum(map(Fraction, scalars.two_product(-a, c))) == -Fraction(a) * Fraction(c)
-    whole = sum(int(product * 2**320) for product in exact)
-    assert abs(int(Fraction(high) * 2**320) + int(Fraction(low) * 2**320) - whole) <= whole >> 95
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [50, 203])
-def test_parts_that_are_merged_at_once_share_no_room(n, monkeypatch):
-    touched = np.zeros(n // 2, int)
-    plain = merges.sort_space
-
-    def sort(columns, room, start, stop, numbers):
-        room[2][:] = np.nan
-        found = plain(columns, room, start, stop, numbers)
-        touched[~np.isnan(room[2][0])] += 1
-        return found
-
-    monkeypatch.setattr(merges, "threads", lambda: ThreadPoolExecutor(1))
-    monkeypatch.setattr(merges, "sort_space", sort)
-    points = RANDOM.random((n, 3))
-    many_points_discrepancy(points, STAR)
-    assert touched.max() == 1
-
-
-@pytest.mark.slow
-def test_programs_and_few_points_are_not_merged(monkeypatch):
-    points = sobol(2, 2**10)
-    plain = float(analysis.l2_star_discrepancy(points))
-    monkeypatch.setattr(l2_discrepancy, "many_points_discrepancy", pytest.fail)
-    assert float(analysis.l2_star_discrepancy(points)) == plain
-    monkeypatch.setattr(l2_discrepancy, "_MANY", 1)
-    assert float(jax.jit(analysis.l2_star_discrepancy)(points)) == pytest.approx(plain, rel=1e-6)
-    assert float(analysis.l2_star_discrepancy(points[:, :1])) > 0
-    monkeypatch.setattr(l2_discrepancy, "COMPILED", False)
-    assert float(analysis.l2_star_discrepancy(points)) == plain
 
 
 def test_the_figure_says_what_takes_more(monkeypatch):

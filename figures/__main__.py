@@ -17,7 +17,7 @@ from pathlib import Path
 from figures import page
 from figures._options import advice, listing, parser_of
 from figures.catalogue import CATALOGUE, FIRST, LAST, NO_DRAFT, OURS, Entry
-from figures.making import compiled_programs, heitz, stbn, store
+from figures.making import compiled_programs, heitz, store
 from figures.making.this_machine import peak_memory
 from figures.making.updating import plan, update, warn
 from qmcjax.core import packages
@@ -33,12 +33,6 @@ COMMANDS = {
 It takes the arguments after the command and returns the exit status; wrong usage and ``--help`` raise
 SystemExit, with status 2 and 0.
 """
-
-PUBLISHED = {
-    "heitz": (heitz.read, heitz.SWITCH),
-    "stbn": (stbn.slices, stbn.SWITCH),
-}
-"""Options that name files of others: what checks them, and the environment variable for the figures."""
 
 
 def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CATALOGUE) -> int:
@@ -73,14 +67,12 @@ def main(argv: Sequence[str] | None = None, catalogue: Mapping[str, Entry] = CAT
         print(listing(options.names or catalogue, catalogue))
         return 0
     names = _choose(options, catalogue)
-    for option, (check, switch) in PUBLISHED.items():
-        path = getattr(options, option)
-        if path is not None:
-            try:
-                check(path)
-            except (OSError, ValueError) as error:
-                parser.error(f"--{option}: {error}")
-            os.environ[switch] = str(path.resolve())
+    if options.heitz is not None:
+        try:
+            heitz.read(options.heitz)
+        except (OSError, ValueError) as error:
+            parser.error(f"--heitz: {error}")
+        os.environ[heitz.SWITCH] = str(options.heitz.resolve())
     try:
         store.prepare(options.out)
     except OSError as error:

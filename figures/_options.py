@@ -91,13 +91,6 @@ later runs; in paper quality, figures that measure time compile again. Exit stat
         help="published tables of Heitz et al. 2019, their C++ file or an .npz: z-1, z-9, z-10 and z-11 use "
         "them beside our ranked keys",
     )
-    parser.add_argument(
-        "--stbn",
-        type=Path,
-        metavar="DIR",
-        help="the frames of a published texture over space and time (STBN, FAST), NAME_0.png and so on, "
-        "which designed-samplers measures beside our samplers",
-    )
     return parser
 
 

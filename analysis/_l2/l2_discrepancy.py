@@ -56,8 +56,9 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     Notes
     -----
     Memory is O(n d), time O(n^2 d) on one core. In the plane, 2^14 points took 0.4 s and 2^16 points 9 s,
-    with derivatives 1.7 and 29 s, on a core of 2.4 GHz. Derivatives are computed together with the value. They do
-    not exist where two points have an equal coordinate; the result there lies between the one-sided ones.
+    with derivatives 1.7 and 29 s, on a core of 2.4 GHz. Derivatives are computed together with the value.
+    They do not exist where two points have an equal coordinate; the result there lies between the one-sided
+    ones.
 
     The sums of the closed form cancel, for good points down to a part of about n^-2. They are computed with
     more than float64 precision: the result has a relative error of about 1e-11 or less.

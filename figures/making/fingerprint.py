@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from figures.making import heitz, stbn
+from figures.making import heitz
 from figures.making.store import NUMBERS
 
 PROJECT = ("qmcjax", "analysis", "figures")
@@ -24,16 +24,14 @@ NOT_DATA = (".py", ".pyc", ".ipynb", ".md", ".png")
 def fingerprint(module: str, quality: str) -> str:
     """Hash the quality, the files behind ``module`` and the versions of the libraries that it may use.
 
-    Published tables and textures count for the figures that read them if the user has named them. A missing
-    module or one with syntax errors has a fingerprint, too: importing it raises the error. The 64 hexadecimal
-    digits do not depend on the location of the project.
+    Published tables count for the figures that read them if the user has named them. A missing module or one
+    with syntax errors has a fingerprint, too: importing it raises the error. The 64 hexadecimal digits do not
+    depend on the location of the project.
     """
     read = sources(module)
-    tables, texture = heitz.path(), stbn.path()
+    tables = heitz.path()
     if tables is not None and heitz.__name__ in read:
         read["published tables"] = tables
-    if texture is not None and stbn.__name__ in read:
-        read |= {file.name: file for file in stbn.slices(texture)}
     files = {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in read.items()}
     versions = {name: importlib.metadata.version(name) for name in LIBRARIES}
     text = json.dumps([quality, files, versions], sort_keys=True)

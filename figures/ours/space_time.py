@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Callable, Mapping
-from functools import cache
 from typing import Any
 
 import jax.numpy as jnp
@@ -14,11 +13,10 @@ from PIL import Image, ImageDraw
 
 import analysis
 from figures import plot
-from figures.making import stbn
 from figures.shared import judged
 from figures.shared.integrands import integrands_of_dims
-from figures.shared.integrands.animations import FRAMES, METHODS, Animation, Frame, errors, image
-from qmcjax import samplers, scenes, sequences
+from figures.shared.integrands.animations import FRAMES, METHODS, errors, image
+from qmcjax import scenes
 from qmcjax.core import student
 
 GAP, HEAD = 4, 14
@@ -101,8 +99,6 @@ HEADS = (*COLUMNS, BLOCKS, REPROJECTED)
 PAN = (0.7, 1.3)
 """Pixels by which the camera moves in each frame: downward, and to the right."""
 
-PUBLISHED = "published texture"
-
 
 MOVING = ("Z, new keys", "optimised orders, in time", "designed tile")
 """Columns of the moving picture."""
@@ -117,24 +113,6 @@ NOTE = (
     f"where the surface was, by bilinear interpolation; the camera moves by {PAN[1]} and {PAN[0]} pixels "
     "a frame. The animation is a soft shadow with one sample per pixel and frame. "
 )
-
-TEXTURE = (
-    " The published texture of {name}, {shape} frames, rows and columns, has no keys; its further samples "
-    "are shifted by a lattice, its further coordinates are those of pixels far away."
-)
-
-
-@cache
-def _texture() -> NDArray[np.float64] | None:
-    folder = stbn.path()
-    return None if folder is None else stbn.read(folder)
-
-
-def published(side: int, spp: int, dims: int, key: int) -> Animation:
-    """Return the animation of the named texture, which has no key."""
-    texture, lattice = _texture(), sequences.lattice(dims)
-    assert texture is not None
-    return lambda frame: Frame(samplers.dither(texture[frame], lattice))
 
 
 def shadow(points: Array) -> Array:
@@ -207,44 +185,35 @@ Tables = dict[str, dict[str, NDArray[np.float64]]]
 
 def measure(quality: str, progress: Callable[[float], None]) -> tuple[Tables, dict, dict[str, bytes]]:
     """Measure all ways through the frames, and return numbers, and the moving picture."""
-    texture = _texture()
-    methods = METHODS if texture is None else {**METHODS, PUBLISHED: published}
     side, keys = SIDE[quality], KEYS[quality]
+    shape = FRAMES, side, side
     labels = [name.replace("re-\n", "re").replace("\n", " ") for name in HEADS]
     relative: Tables = {}
-    steps = len(CASES[quality]) * len(methods)
+    steps = len(CASES[quality]) * len(METHODS)
     for dims, spp in CASES[quality]:
         logs = relative[f"{dims}-D, {spp} spp"] = {}
-        for done, (name, animation) in enumerate(methods.items(), start=1):
-            keyless = name == PUBLISHED
-            shape = (FRAMES, side, side) if texture is None or not keyless else texture.shape[:3]
-            expected, found = np.array(white(shape, spp)), []
-            for key in range(1, 2 if keyless else keys + 1):
+        expected = np.array(white(shape, spp))
+        for done, (name, animation) in enumerate(METHODS.items(), start=1):
+            found = []
+            for key in range(1, keys + 1):
                 error = errors(animation(side, spp, dims, key), shape, spp, dims)
                 found.append(np.log(columns(error) / expected))
-            logs[name] = np.broadcast_to(found, (keys, len(labels)))
-            progress(((len(relative) - 1) * len(methods) + done) / steps)
+            logs[name] = np.stack(found)
+            progress(((len(relative) - 1) * len(METHODS) + done) / steps)
     said = {
         case: verdicts({n: of for n, of in logs.items() if n != "random"}, labels)
         for case, logs in relative.items()
     }
-    note, folder = NOTE.format(side=side, keys=keys), stbn.path()
-    if folder is not None and texture is not None:
-        note += TEXTURE.format(name=stbn.slices(folder)[0].stem, shape=texture.shape[:3])
     measured = {
         case: {
-            name: {label: _with_interval(of[:, k]) for k, label in enumerate(labels)}
+            name: {label: list(judged.of_logarithms(of[:, k])) for k, label in enumerate(labels)}
             for name, of in logs.items()
         }
         for case, logs in relative.items()
     }
-    numbers = {"measured": {"error / white noise": measured, "verdicts": said}, "note": note}
+    numbers = {"measured": {"error / white noise": measured, "verdicts": said}}
+    numbers["note"] = NOTE.format(side=side, keys=keys)
     return relative, numbers, {} if quality == "draft" else {"frames.webp": moving()}
-
-
-def _with_interval(logs: NDArray[np.float64]) -> list[float]:
-    """Return a geometric mean and the ends of its interval, the mean itself without variance."""
-    return list(judged.of_logarithms(logs)) if np.ptp(logs) else [float(np.exp(logs.mean()))] * 3
 
 
 def draw_table(axes: Axes, table: Mapping[str, NDArray[np.float64]]) -> None:

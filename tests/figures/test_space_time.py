@@ -1,4 +1,4 @@
-"""Ways through the frames of an animation, and published textures over time that a user has: here made up."""
+"""Ways through the frames of an animation."""
 
 import io
 
@@ -6,69 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from figures.__main__ import main
-from figures.making import stbn
-from figures.making.fingerprint import fingerprint
 from figures.ours import space_time
 from figures.ours.space_time import GAP, HEAD, average, moving_picture
 from figures.plot import srgb
 from figures.shared.integrands import animations
 from qmcjax import scenes
-from qmcjax.bridges import write_image
-
-MODULE = "figures.ours.designed_samplers"
-SHAPE = (4, 8, 8)
-
-
-@pytest.fixture(scope="module")
-def texture():
-    """Bytes of two channels, and a constant third one, as files of vectors have."""
-    rng = np.random.default_rng(1)
-    return np.concatenate([rng.integers(0, 256, (*SHAPE, 2)), np.zeros((*SHAPE, 1), int)], axis=-1)
-
-
-def written(folder, texture, suffix, name="stbn_vec2_2Dx1D_8x8x4"):
-    folder.mkdir(exist_ok=True)
-    for number, frame in enumerate(texture):
-        light = (frame / 255).astype(np.float32)
-        options = {"transfer": "linear"} if suffix == ".png" else {}
-        write_image(folder / f"{name}_{number}{suffix}", light, **options)
-    return folder
-
-
-@pytest.fixture
-def named(texture, tmp_path, monkeypatch):
-    """Name the folder, as the command line does."""
-    folder = written(tmp_path / "texture", texture, ".png")
-    monkeypatch.setenv(stbn.SWITCH, str(folder))
-    space_time._texture.cache_clear()
-    yield folder
-    space_time._texture.cache_clear()
-
-
-@pytest.mark.parametrize("suffix", stbn.SUFFIXES)
-def test_textures_are_read(texture, tmp_path, suffix):
-    found = stbn.read(written(tmp_path / "t", texture, suffix))
-    assert found.shape == (*SHAPE, 2)
-    expected = (texture[..., :2] + 0.5) / 256 if suffix == ".png" else texture[..., :2] / 255
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-    assert found.max() < 1
-
-
-def test_all_bits_and_one_channel(texture, tmp_path):
-    wide = np.random.default_rng(2).integers(0, 65536, SHAPE)
-    for number, frame in enumerate(wide):
-        path = tmp_path / f"stbn_scalar_{number}.png"
-        write_image(path, (frame / 65535).astype(np.float32), transfer="linear", bits=16)
-    np.testing.assert_allclose(stbn.read(tmp_path)[..., 0], (wide + 0.5) / 65536, atol=1e-9)
-    grey = np.repeat(texture[..., :1], 3, axis=-1)
-    assert stbn.read(written(tmp_path / "grey", grey, ".png")).shape == (*SHAPE, 1)
-
-
-def test_eleven_frames_are_in_the_order_of_numbers(tmp_path):
-    levels = np.arange(11)[:, None, None] * 20 + np.arange(4).reshape(2, 2)
-    found = stbn.read(written(tmp_path / "t", levels, ".png"))
-    np.testing.assert_array_equal(found[:, 0, 0, 0], (20 * np.arange(11) + 0.5) / 256)
 
 
 def test_history_moves_with_the_camera():
@@ -85,43 +27,6 @@ def test_history_moves_with_the_camera():
             found.append(mean)
     expected = np.sqrt(np.mean(np.square(found)))
     np.testing.assert_allclose(space_time.columns(np.tile(error, (8, 1, 1, 1)))[-1], expected, rtol=1e-5)
-
-
-def test_wrong_folders_are_named(texture, tmp_path, capsys):
-    def refused(folder, said):
-        with pytest.raises(ValueError, match=said):
-            stbn.read(folder)
-
-    refused(tmp_path / "none", "must have the files NAME_0.png.* of one, got none")
-    two = written(written(tmp_path / "two", texture, ".png"), texture, ".png", "other")
-    refused(two, "of one, got other.png, stbn_vec2")
-    gap = written(tmp_path / "gap", texture, ".npy")
-    (gap / "stbn_vec2_2Dx1D_8x8x4_2.npy").unlink()
-    refused(gap, "stbn_vec2_2Dx1D_8x8x4_2.npy is missing")
-    refused(written(tmp_path / "far", 2 * texture, ".npy"), r"values in \[0, 1\]")
-    refused(written(tmp_path / "same", 0 * texture + 9, ".npy"), "must have values that differ")
-    uneven = written(tmp_path / "uneven", texture, ".npy")
-    np.save(uneven / "stbn_vec2_2Dx1D_8x8x4_3.npy", np.zeros((4, 8, 3), np.float32))
-    refused(uneven, r"shape of frame 0, \(8, 8, 3\), got \(4, 8, 3\)")
-    with pytest.raises(SystemExit):
-        main(["designed-samplers", "--out", str(tmp_path / "out"), "--stbn", str(tmp_path / "gap")])
-    assert "--stbn" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_named_texture_counts_for_the_figure_and_gives_its_values(texture, named, monkeypatch):
-    frames = space_time.published(8, 1, 2, 0)
-    y, x = np.mgrid[:8, :8].astype(np.uint32)
-    for t in range(len(texture)):
-        found = np.asarray(frames(t).sampler(x, y, 0))
-        np.testing.assert_allclose(found, (texture[t, ..., :2] + 0.5) / 256, atol=1e-6)
-    first = fingerprint(MODULE, "draft"), fingerprint("figures.hilbert.hilbert_1", "draft")
-    write_image(named / "stbn_vec2_2Dx1D_8x8x4_1.png", np.zeros((8, 8, 3), np.float32), transfer="linear")
-    second = fingerprint(MODULE, "draft"), fingerprint("figures.hilbert.hilbert_1", "draft")
-    assert first[0] != second[0]
-    assert first[1] == second[1]
-    monkeypatch.delenv(stbn.SWITCH)
-    assert fingerprint(MODULE, "draft") != second[0]
 
 
 def points(name, spp=1, dims=2, side=8, frame=0, key=3):

@@ -4,8 +4,6 @@ Verdicts are those that are stored in paper quality, else those of the figures i
 """
 
 import html
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +13,7 @@ from sphinx.util.docutils import SphinxDirective
 
 from figures import ledger, page
 from figures.catalogue import CATALOGUE, FIRST
-from figures.docs.tables import table
 from figures.making import store
-
-_HEADS = ("Place", "Claim", "Verdict", "Measured", "Why", "Shown by")
-_HELD = {True: "yes", False: "no"}
-_WIDTHS = (8, 28, 11, 19, 22, 12)
 
 
 def _found(folder: Path) -> list[ledger.Finding]:
@@ -30,21 +23,6 @@ def _found(folder: Path) -> list[ledger.Finding]:
     except (OSError, ValueError):
         entries = {}
     return page.assess(entries).findings
-
-
-def _table(findings: Sequence[ledger.Finding]) -> nodes.table:
-    rows = [
-        (
-            claim.place,
-            "\n".join([claim.claim, *([f"“{claim.sentence}”"] if claim.sentence else [])]),
-            verdict,
-            "\n".join([measured, *(f"{case}: {_HELD.get(held, held)}" for case, held in cases.items())]),
-            why,
-            claim.figure or claim.test or "",
-        )
-        for claim, verdict, measured, cases, why in findings
-    ]
-    return table(_HEADS, rows, _WIDTHS, ["ledger", "colwidths-given"])
 
 
 def _up(directive: SphinxDirective) -> str:
@@ -86,28 +64,14 @@ class Examples(SphinxDirective):
 
 
 class Ledger(SphinxDirective):
-    """The table of each paper, below what came out in all."""
+    """The rows of the page's ledger."""
 
     def run(self) -> list[nodes.Node]:
-        """Return counts, a link to the gallery if it is there, and the tables."""
+        """Return them, with links to the pages of figures."""
         folder = Path(self.env.app.outdir).parent
-        findings = _found(folder)
-        ours = [finding for finding in findings if finding.claim.question]
-        theirs = [finding for finding in findings if not finding.claim.question]
-        counts = Counter(finding.verdict for finding in theirs)
-        parts = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-        shown: list[nodes.Node] = [nodes.paragraph(text=f"{len(theirs)} claims: {parts}.")]
-        if (folder / "ledger.html").is_file():
-            link = nodes.reference("", "A table to filter", refuri=f"{_up(self)}ledger.html")
-            shown.append(nodes.paragraph("", "", link, nodes.Text(" leads to the pictures.")))
-        for paper, title in ledger.PAPERS.items():
-            of = [finding for finding in theirs if finding.claim.paper == paper]
-            if of:
-                shown.append(nodes.section("", nodes.title(text=title), _table(of), ids=[paper]))
-        title = "Our own questions, which no sentence of the papers answers"
-        shown.append(nodes.section("", nodes.title(text=title), _table(ours), ids=["questions"]))
+        text = page.ledger_tables(_found(folder)).replace('href="', f'href="{_up(self)}')
         self.env.note_dependency(str(folder / "numbers.json"))
-        return shown
+        return [nodes.raw("", text, format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

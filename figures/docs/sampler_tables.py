@@ -1,4 +1,4 @@
-"""Directives of measurements: safest-sampler, sampler-errors, denoised-errors, sampler-sizes, stored-scores.
+"""Directives of measurements: which-sampler, sampler-sizes, stored-scores.
 
 Nothing is typed in: names and numbers come from the tables behind :func:`qmcjax.recommend` and from stored
 scores when the page is built.
@@ -15,7 +15,7 @@ from sphinx.util.docutils import SphinxDirective
 import qmcjax as qj
 from figures import ledger
 from figures.docs.tables import table
-from figures.shared.sampler_errors import denoised_table, error_tables, safest_sampler
+from figures.shared.sampler_errors import which_sampler
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
 SMALL = 4096
@@ -39,34 +39,12 @@ def smallest(level: int, spp: int, filtered: bool) -> tuple[str, float, int]:
     raise AssertionError("a sampler without tables is always there")
 
 
-class SafestSampler(SphinxDirective):
-    """What to take without looking further."""
-
-    required_arguments = 1
+class WhichSampler(SphinxDirective):
+    """What the page "Which sampler?" shows."""
 
     def run(self) -> list[nodes.Node]:
-        """Return a sentence for each measure."""
-        said = [safest_sampler(self.arguments[0], filtered) for filtered in (False, True)]
-        return [nodes.raw("", text, format="html") for text in said]
-
-
-class SamplerErrors(SphinxDirective):
-    """Errors of all samplers in one setting."""
-
-    required_arguments = 1
-
-    def run(self) -> list[nodes.Node]:
-        """Return a table for each measure and number of dimensions."""
-        text = "".join(error_tables(self.arguments[0], filtered) for filtered in (True, False))
-        return [nodes.raw("", text, format="html")]
-
-
-class DenoisedErrors(SphinxDirective):
-    """Errors after a denoiser."""
-
-    def run(self) -> list[nodes.Node]:
-        """Return a sentence and a table."""
-        return [nodes.raw("", denoised_table(), format="html")]
+        """Return one safe choice, and errors of all samplers."""
+        return [nodes.raw("", which_sampler(), format="html")]
 
 
 class SamplerSizes(SphinxDirective):
@@ -103,9 +81,7 @@ class StoredScores(SphinxDirective):
 
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the directives."""
-    app.add_directive("safest-sampler", SafestSampler)
-    app.add_directive("sampler-errors", SamplerErrors)
-    app.add_directive("denoised-errors", DenoisedErrors)
+    app.add_directive("which-sampler", WhichSampler)
     app.add_directive("sampler-sizes", SamplerSizes)
     app.add_directive("stored-scores", StoredScores)
     return {"parallel_read_safe": True}

@@ -143,10 +143,14 @@ $questions
 QUESTIONS = """
 <details id="questions"><summary><b>Our own questions</b></summary>
 <p>No sentence of the papers says these: their answers count neither for nor against a paper.</p>
+$table</details>
+"""
+
+TABLE = """
 <table class="ledger">
 <thead><tr>$heads</tr></thead>
 <tbody>$rows</tbody>
-</table></details>
+</table>
 """
 
 CHIP = """
@@ -165,18 +169,32 @@ LEADING = ("differs", "undecided")
 """What a reader wants to see first."""
 
 
+def _parts(
+    findings: Iterable[ledger.Finding],
+) -> tuple[list[ledger.Finding], list[ledger.Finding], list[ledger.Finding]]:
+    """Return what came out, what differs first; questions of our own; and what waits for its figure."""
+    of = {"missing": [], "ours": [], "made": []}
+    for finding in findings:
+        of.get(finding.verdict, of["made"]).append(finding)
+    of["made"].sort(key=lambda finding: (*LEADING, finding.verdict).index(finding.verdict))
+    return of["made"], of["ours"], of["missing"]
+
+
+def tables(findings: Iterable[ledger.Finding]) -> Markup:
+    """Return the rows of what came out and of our own questions, without anything to filter them."""
+    made, ours, _ = _parts(findings)
+    return join([_table(made), _questions(ours)])
+
+
 def section(findings: Sequence[ledger.Finding], drafts: Drafts | None = None) -> Markup:
     """Return counts and table of what came out, and how many claims wait for their figures."""
-    made = [finding for finding in findings if finding.verdict not in ("missing", "ours")]
-    ours = [finding for finding in findings if finding.verdict == "ours"]
-    rest = len(findings) - len(made) - len(ours)
+    made, ours, missing = _parts(findings)
     counted = count_verdicts(findings)
-    made.sort(key=lambda finding: (*LEADING, finding.verdict).index(finding.verdict))
     heads = '<th scope="col" aria-sort="none"><button type="button">$column</button></th>'
     return fill(
         SECTION,
         total=f"{len(made)} claims",
-        rest=f"{rest} more are of figures that are not in this folder." if rest else "",
+        rest=f"{len(missing)} more are of figures that are not in this folder." if missing else "",
         bar=bar(counted),
         chips=join(
             fill(CHIP, verdict=verdict, count=count, sign=sign, meaning=meaning)
@@ -194,12 +212,14 @@ def section(findings: Sequence[ledger.Finding], drafts: Drafts | None = None) ->
 
 
 def _questions(ours: Sequence[ledger.Finding]) -> Markup:
-    if not ours:
-        return Markup("")
+    return fill(QUESTIONS, table=_table(ours)) if ours else Markup("")
+
+
+def _table(findings: Iterable[ledger.Finding]) -> Markup:
     return fill(
-        QUESTIONS,
+        TABLE,
         heads=join(fill('<th scope="col">$column</th>', column=column) for column in COLUMNS),
-        rows=join(_row(finding, {}) for finding in ours),
+        rows=join(_row(finding, {}) for finding in findings),
     )
 
 

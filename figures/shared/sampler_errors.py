@@ -83,11 +83,6 @@ def safest_sampler(setting: str, filtered: bool) -> Markup:
     )
 
 
-def error_tables(setting: str, filtered: bool) -> Markup:
-    """Return a table for each number of dimensions: samplers, by kind of scenes and samples per pixel."""
-    return join(_table(SETTINGS[setting], level, filtered) for level in LEVELS)
-
-
 def which_sampler() -> Markup:
     """Return the page "Which sampler?": one safe choice, what it costs at most, and folded tables."""
     name = next(iter(worst_cases(True)))
@@ -96,7 +91,7 @@ def which_sampler() -> Markup:
         name=name,
         safest=join(safest_sampler("images", filtered) for filtered in (True, False)),
         tables=_folded_tables(STILL),
-        denoised=denoised_table(),
+        denoised=_denoised_table(),
         others=join(
             join([*(safest_sampler(name, filtered) for filtered in (True, False)), _folded_tables(of)])
             for name, of in SETTINGS.items()
@@ -105,7 +100,7 @@ def which_sampler() -> Markup:
     )
 
 
-def denoised_table() -> Markup:
+def _denoised_table() -> Markup:
     """Return a sentence and a small table of errors after a denoiser: ratios to the best of each column."""
     cases = list(product(LEVELS, DENOISED.spps))
     columns = [_ratios(Measured.of(None, *case, False, DENOISED)) for case in cases]

@@ -118,7 +118,7 @@ TITLES = {
     "skipping": "Skipping constant pixels keeps the error, but time may fall less than the samples",
     "speed": "Points and measures are faster than other programs', rays and paths about as fast",
     "scale": "Time is proportional to the samples of an image, memory is not",
-    "stability": "Single precision suffices for points and sums, not for distant rays",
+    "stability": "Single precision suffices for rays near the origin, not for distant ones",
     "hilbert-1": "Of the four curves, none has fewer segments in its worst 3x3 neighbourhood than Hilbert's",
     "hilbert-2": "Many neighbours on the Hilbert curve differ by 3, a base of the Halton sequence",
     "hilbert-3": "Radical inverses leave regular structures along all four curves",

@@ -1,4 +1,4 @@
-"""Programs in C++: the image of the benchmark, points of samplers, and the thesis's Gray codes."""
+"""Programs in C++: points of samplers, and the thesis's Gray codes."""
 
 import shutil
 import subprocess
@@ -10,7 +10,7 @@ FAST = ("-O3", "-march=native")
 """Options of what is timed."""
 
 
-def compiled(folder: Path, name: str = "render") -> Path | None:
+def compiled(folder: Path, name: str) -> Path | None:
     """Compile a program into a folder, if there is a compiler."""
     source, program = Path(__file__).with_name(f"{name}.cpp"), folder / name
     done = _run(("c++", "g++", "clang++"), [*FAST, "-ffast-math", "-fopenmp"], source, program)

@@ -1,4 +1,4 @@
-"""Where single precision holds and where it breaks: points, sums and rays."""
+"""Where single precision holds for rays, and where it breaks."""
 
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from figures.ours import point_precision
 from figures.shared.sheets.panels import name_axes, new_figure
 from qmcjax import sequences, tracing
 
@@ -24,7 +23,7 @@ SLOPES = tuple(10.0**-k for k in range(8))
 Curves = dict[str, dict[float, float]]
 """Errors, or parts of the rays, over what is stressed, by body and precision."""
 
-NOTE_ON_RAYS = (
+NOTE = (
     "{count} rays each, from fixed keys, in float32 and float64. Bodies of size 1: rays from outside "
     "hit them, and their points are the origins of further rays. 'Leaving a body': share of rays "
     "leaving a convex body at more than 3 degrees that hit it again; 'entering it': share of rays into "
@@ -196,10 +195,8 @@ def _values(scene: Any, points: Any) -> Any:
     return scene(points)
 
 
-COUNT = {"draft": (64, 2**12), "paper": (1024, 2**17)}
-"""Points, pixels or indices that each error is the largest of, and rays of each case."""
-TOP = {"draft": 14, "paper": 20}
-"""Of the powers of 2 that are summed."""
+COUNT = {"draft": 2**12, "paper": 2**17}
+"""Rays of each case."""
 
 BROKEN = 0.01
 """An error of values in [0, 1] that an image shows."""
@@ -214,7 +211,7 @@ MESH, ALONE = (1e-8, 1e8), (1e-6, 1e2)
 LEAVING, ENTERING = "Rays that leave a body hit it again", "Rays that enter a body are lost in it"
 SIZE = "Rays miss a small or huge body"
 
-SHOWN = ("Offsets in pixels", "Sums", "Frequencies", ENTERING, SIZE, "Images with direct light")
+SHOWN = (LEAVING, ENTERING, SIZE, "Images with direct light")
 """What has a panel."""
 
 
@@ -229,24 +226,9 @@ class Panel(NamedTuple):
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure all, and draw errors over what is stressed."""
-    count, rays = COUNT[quality]
-    of_points = {
-        "Points": Panel(partial(point_precision.points, count), "index", "error / $2^{-24}$"),
-        "Offsets in pixels": Panel(
-            partial(point_precision.offsets, count), "pixels along a side", "error / $2^{-24}$ of a pixel"
-        ),
-        "Sums": Panel(
-            partial(point_precision.sums, TOP[quality]), "samples per pixel", "error / unit in the last place"
-        ),
-        "Frequencies": Panel(
-            partial(point_precision.frequencies, count), "frequency", "error of values in [0, 1]", BROKEN
-        ),
-        "Dimensions": Panel(
-            partial(point_precision.dimensions, count), "dimensions", "relative error / $2^{-24}$"
-        ),
-    }
+    rays = COUNT[quality]
     part, away = "part of the rays", "distance from the origin / size of the body"
-    of_rays = {
+    panels = {
         LEAVING: Panel(partial(leaving, rays, 1.0), away, part, ALLOWED),
         ENTERING: Panel(partial(leaving, rays, -1.0), away, part, ALLOWED),
         SIZE: Panel(partial(sizes, rays), "size", part, ALLOWED),
@@ -257,13 +239,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             partial(pictures, rays), away, "RMS difference to float64 / mean", BROKEN
         ),
     }
-    panels = of_points | of_rays
     figure = new_figure(
-        "Single precision suffices for points and sums, not for high frequencies and distant rays\n"
+        "Single precision suffices for rays near the origin, not for distant ones\n"
         "solid: float32; dotted: float64; dashed: errors that an image shows; errors of 0 are at the bottom",
-        7.8,
+        5.6,
     )
-    axes = dict(zip(SHOWN, figure.subplots(3, 2).ravel(), strict=True))
+    axes = dict(zip(SHOWN, figure.subplots(2, 2).ravel(), strict=True))
     measured: dict[str, Curves] = {}
     for done, (name, panel) in enumerate(panels.items(), start=1):
         measured[name] = panel.measure()
@@ -283,7 +264,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         }
         | {"an image shows errors from": broken}
         | _documented(measured),
-        "note": f"{point_precision.NOTE.format(count=count)} {NOTE_ON_RAYS.format(count=rays)}",
+        "note": NOTE.format(count=rays),
     }
 
 

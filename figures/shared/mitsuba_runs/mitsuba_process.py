@@ -1,6 +1,6 @@
 """Images by Mitsuba 3, from a task in JSON at standard input: ``python -m`` and the name of this module.
 
-The task has a scene and runs (see :mod:`.mitsuba_scenes`), and a folder for the result.
+The task has a scene, samples per pixel and seeds (see :mod:`.mitsuba_scenes`), and a folder for the result.
 """
 
 import json
@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 RESULT = "result.npz"
-"""Has ``images``, float32 (runs, height, width, 3), and of each run ``seconds`` and samples: ``counts``."""
+"""Has ``images``, float32 (seeds, height, width, 3), and ``seconds`` of each."""
 
 
 def main() -> None:
@@ -22,20 +22,14 @@ def main() -> None:
     mitsuba.set_variant("scalar_rgb")
     task = json.load(sys.stdin)
     folder = Path(task["folder"])
-    described = _native(mitsuba, task["scene"], folder)
-    scene = mitsuba.load_dict(described)
-    names = {name for name, _, _ in task["runs"]}
-    sensors = {
-        name: mitsuba.load_dict(described["sensor"] | {"sampler": {"type": name}}) for name in sorted(names)
-    }
-    images, seconds, counts = [], [], []
-    for name, spp, seed in task["runs"]:
+    scene = mitsuba.load_dict(_native(mitsuba, task["scene"], folder))
+    images, seconds = [], []
+    for seed in task["seeds"]:
         start = time.perf_counter()
-        image = mitsuba.render(scene, sensor=sensors[name], spp=spp, seed=seed)
+        image = mitsuba.render(scene, spp=task["spp"], seed=seed)
         seconds.append(time.perf_counter() - start)
         images.append(np.array(image, np.float32))
-        counts.append(sensors[name].sampler().sample_count())
-    np.savez(folder / RESULT, images=np.array(images), seconds=np.array(seconds), counts=np.array(counts))
+    np.savez(folder / RESULT, images=np.array(images), seconds=np.array(seconds))
 
 
 def _native(mitsuba: Any, value: Any, folder: Path) -> Any:

@@ -4,7 +4,7 @@ import tempfile
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -33,35 +33,18 @@ def has_llvm() -> bool:
     return True
 
 
-class Run(NamedTuple):
-    """One image: a sampler by its name, samples per pixel, and a seed, or the key of a sampler of ours."""
-
-    sampler: str
-    spp: int
-    seed: int
-
-
 def render_image(
     scene: tracing.Estimator, width: int, height: int, spp: int, seeds: list[int]
 ) -> tuple[NDArray[np.float32], list[float]]:
-    """Return images (seeds, height, width, 3) by independent samples and the seconds that each took."""
-    images, seconds, _ = run(scene, width, height, [Run("independent", spp, seed) for seed in seeds])
-    return images, seconds
+    """Return images (seeds, height, width, 3) by independent samples and the seconds that each took.
 
-
-def run(
-    scene: tracing.Estimator, width: int, height: int, runs: list[Run]
-) -> tuple[NDArray[np.float32], list[float], list[int]]:
-    """Return images (runs, height, width, 3), the seconds that each took, and how many samples it had.
-
-    In a separate process, since Mitsuba may abort the one that it is in. All of its threads render. Some
-    samplers round the number of samples up.
+    In a separate process, since Mitsuba may abort the one that it is in. All of its threads render.
     """
     with tempfile.TemporaryDirectory() as folder:
-        task = {"scene": describe(scene, width, height), "runs": runs, "folder": folder}
+        task = {"scene": describe(scene, width, height), "spp": spp, "seeds": seeds, "folder": folder}
         this_machine.run_apart(mitsuba_process, task=task)
         with np.load(Path(folder) / mitsuba_process.RESULT) as result:
-            return result["images"], result["seconds"].tolist(), result["counts"].tolist()
+            return result["images"], result["seconds"].tolist()
 
 
 def film(width: int, height: int) -> dict[str, Any]:

@@ -86,6 +86,11 @@ class Reference(NamedTuple):
     """Standard errors, in the image's shape."""
     origin: str
 
+    def part(self, left: int, upper: int, size: int) -> "Reference":
+        """Return that of a square area."""
+        where = np.s_[upper : upper + size, left : left + size]
+        return Reference(self.image[where], self.error[where], self.origin)
+
 
 def of_replicates(images: Sequence[NDArray], origin: str) -> Reference:
     """Return the mean of randomised images, with its standard errors."""

@@ -42,7 +42,7 @@ def image(
     by the same sampler but for its key, which is then compiled, too.
     """
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    return at_pixels(scene, sampler, side, spp, x, y, of_many).reshape(side, side, 3)
+    return at_pixels(scene, sampler, side, spp, x, y, of_many).reshape(side, side, -1)
 
 
 def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) -> NDArray[np.float64]:
@@ -57,6 +57,14 @@ def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) 
     return found.reshape(-1, side, side, found.shape[-1])
 
 
+def of_area(
+    scene: Any, sampler: samplers.Sampler, side: int, spp: int, left: int, upper: int, part: int
+) -> NDArray[np.float64]:
+    """Return a square area of such an image: what a draft shows of it."""
+    y, x = np.mgrid[upper : upper + part, left : left + part].astype(np.uint32)
+    return at_pixels(scene, sampler, side, spp, x, y)
+
+
 def at_pixels(
     scene: Any,
     sampler: samplers.Sampler,
@@ -69,7 +77,7 @@ def at_pixels(
     """Return the pixels of such an image at columns ``x`` and rows ``y`` of one shape, with their colours."""
     sampler.check(side, side, spp)
     found = _means(scene, side, spp, x.ravel(), y.ravel(), partial(_points, sampler, of_many))
-    return found.reshape(*x.shape, 3)
+    return found.reshape(*x.shape, found.shape[-1])
 
 
 def _means(
@@ -80,7 +88,7 @@ def _means(
     y: NDArray[np.uint32],
     points_of: Callable[..., NDArray[np.float32]],
 ) -> NDArray[np.float64]:
-    """Return means over the samples of pixels, shape (..., pixels, 3).
+    """Return means over the samples of pixels, shape (..., pixels, channels).
 
     ``points_of``: from columns, rows and samples, shape (pixels, samples), and dims to points.
     """

@@ -53,9 +53,15 @@ Crop = tuple[float, float, float]
 """Left and upper edge and side of a square area, in parts of the image."""
 
 
+def pixels_of(crop: Crop, side: int) -> tuple[int, int, int]:
+    """Return an area in pixels of an image."""
+    left, upper, part = (round(c * side) for c in crop)
+    return left, upper, part
+
+
 def cut(image: NDArray, crop: Crop) -> NDArray:
     """Return an area of an image."""
-    left, upper, part = (round(c * len(image)) for c in crop)
+    left, upper, part = pixels_of(crop, len(image))
     return image[upper : upper + part, left : left + part]
 
 

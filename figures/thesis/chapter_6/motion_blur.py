@@ -14,7 +14,7 @@ from figures._errors import fluctuation, rms, slope
 from figures.making.schema import Claims
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images
-from figures.shared.sheets.image_sheets import Crop, Panel, beside, cut, mark
+from figures.shared.sheets.image_sheets import Crop, Panel, beside, cut, mark, pixels_of
 from figures.shared.sheets.panels import new_figure
 from qmcjax import orders, samplers, scenes, sequences
 
@@ -96,20 +96,29 @@ def pictures(
     """
     scene, side, spp = getattr(scenes, name)(), SHOWN_SIDE[quality], 64
     exact = diffusion.reference_of(name, side, REPLICATE[quality])
-    images = {each: scene_images.image(scene, make_sampler(each, side, spp), side, spp) for each in SHOWN}
+    part = pixels_of(crop, side)
+    drawn = exact if quality == "paper" else exact.part(*part)  # Drafts render only what they show.
+    images = {
+        each: scene_images.image(scene, made, side, spp)
+        if quality == "paper"
+        else scene_images.of_area(scene, made, side, spp, *part)
+        for each in SHOWN
+        for made in [make_sampler(each, side, spp)]
+    }
     progress(0.3)
     errors = over_keys(name, quality, lambda part: progress(0.3 + 0.7 * part))
-    areas = {each: cut(image, crop) for each, image in images.items()}
+    areas = {each: cut(image, crop) if quality == "paper" else image for each, image in images.items()}
     differences = {each: area - cut(exact.image, crop) for each, area in areas.items()}
     scale = 3 * float(np.median([rms(each) for each in differences.values()]))
     panels = [Panel(each.replace(", ", ",\n"), area, transfer="srgb") for each, area in areas.items()]
     of_errors = [
-        Panel(f"RMS error {diffusion.rms_error(images[each], exact):.4f}", difference, (-scale, scale))
+        Panel(f"RMS error {diffusion.rms_error(images[each], drawn):.4f}", difference, (-scale, scale))
         for each, difference in differences.items()
     ]
     title += (
         f"our scene, {side} x {side} pixels, {spp} samples per pixel, one key\n"
-        f"below: errors in the marked area, {-scale:.2g} is black, {scale:.2g} white; RMS of the whole image"
+        f"below: errors in the marked area, {-scale:.2g} is black, {scale:.2g} white; RMS of the "
+        + ("whole image" if quality == "paper" else "area")
     )
     figure = beside(title, mark("reference", exact.image, crop), [panels, of_errors])
     numbers = {
@@ -132,7 +141,7 @@ def pictures(
         f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels, each with a key "
         f"of its own in paper quality, except for full-screen nets, which have none. " + _note(exact),
     }
-    return figure, numbers, {"reference": exact.image} | images
+    return figure, numbers, {"reference": drawn.image} | images
 
 
 def over_keys(name: str, quality: str, progress: Callable[[float], None]) -> Keys:

@@ -159,11 +159,8 @@ def _gradient(
             )
         swept = jump[:, None] * _swept(scene, u)
         inside = (index < n) & jnp.all((point >= 0) & (point < 1), axis=-1)
-        # The product may round up to the size.
-        column, row = (
-            jnp.minimum((point[:, axis] * size).astype(jnp.int32), size - 1)
-            for axis, size in enumerate((width, height))
-        )
+        # Below 1, the product with a size never rounds up to the size.
+        column, row = ((point[:, axis] * size).astype(jnp.int32) for axis, size in enumerate((width, height)))
         pixel = row * width + column
         beyond = width * height
         image = jnp.zeros((beyond, swept.shape[1]), dtype)

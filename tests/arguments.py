@@ -135,7 +135,6 @@ def right_of_functions():
         "qmcjax.bridges.seeds.other": [nouns()["sampler"]],
         "qmcjax.bridges.bake.tile": [(2, 2)], "qmcjax.bridges.source.dims": [(0, 1)],
         "qmcjax.sequences.direction_numbers.sequence": [sequences.sobol(3)],
-        "qmcjax.bridges.bake_ranked.sampler": [samplers.ranked(2, 1)],
         "qmcjax.bridges.write_points.path": [folder() / "points.csv"],
         "qmcjax.bridges.write_image.path": [folder() / "image.png"],
         "qmcjax.bridges.write_image.transfer": ["srgb"], "mitsuba.register.variant": ["scalar_rgb"],

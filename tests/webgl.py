@@ -64,13 +64,13 @@ const shader = (program, kind, source) => {
   if (!gl.getShaderParameter(made, gl.COMPILE_STATUS)) throw gl.getShaderInfoLog(made);
   gl.attachShader(program, made);
 };
-const texture = ({inside, format, type, array, size, texels}) => {
+const texture = ({size, texels}) => {
   gl.activeTexture(gl.TEXTURE0);
   gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
-  const values = new window[array](bytes(texels));
-  gl.texImage2D(gl.TEXTURE_2D, 0, gl[inside], ...size, 0, gl[format], gl[type], values);
+  const values = new Uint32Array(bytes(texels));
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.R32UI, ...size, 0, gl.RED_INTEGER, gl.UNSIGNED_INT, values);
 };
 const run = (source, given, rows, size, whole) => {
   const program = gl.createProgram();
@@ -82,7 +82,7 @@ const run = (source, given, rows, size, whole) => {
   gl.useProgram(program);
   if (given) {
     texture(given);
-    gl.uniform1i(gl.getUniformLocation(program, given.name), 0);
+    gl.uniform1i(gl.getUniformLocation(program, "mine_tables"), 0);
   }
   const target = gl.createTexture();
   gl.activeTexture(gl.TEXTURE1);
@@ -139,22 +139,10 @@ def summed(words):
     return int(((words ^ (words >> 15)) * np.uint32(0xC2B2AE35)).sum(dtype=np.uint32))
 
 
-def texture(name, kind, size, texels):
-    """Return a texture for :func:`case`: texels of a kind, bound to a name, of a width and a height."""
-    format, type, array = {
-        "R32UI": ("RED_INTEGER", "UNSIGNED_INT", "Uint32Array"),
-        "RG16UI": ("RG_INTEGER", "UNSIGNED_SHORT", "Uint16Array"),
-        "RGBA32F": ("RGBA", "FLOAT", "Float32Array"),
-    }[kind]
-    how = {"name": name, "inside": kind, "format": format, "type": type, "array": array}
-    return how | {"size": size, "texels": _text(texels)}
-
-
-def case(text, kind, count, limits, size, whole=False, given=None):
+def case(text, kind, count, limits, size, whole=False):
     """Return a case for :func:`run`: a source, whose function ``mine`` is called with random words.
 
     A scene gets numbers in [0, 1). ``whole``: whether all results are wanted, or :func:`summed` of them.
-    ``given``: a texture, by default that of the tables of the source.
     """
     seeds = ", mine_seeds" if "mine_seeds" in text else ""
     words = [
@@ -167,10 +155,11 @@ def case(text, kind, count, limits, size, whole=False, given=None):
     call = CALLS[kind].format(seeds=seeds, words=", ".join(words), count=len(words))
     for word, value in (("SIZE", str(size)), ("CALL", call), ("COLUMNS", str(COLUMNS)), ("SOURCE", text)):
         source = source.replace(f"@{word}@", value)
-    if given is None and text.tables.size:
+    given = None
+    if text.tables.size:
         rows = -(-text.tables.size // COLUMNS)
         words = np.pad(text.tables, (0, rows * COLUMNS - text.tables.size))
-        given = texture("mine_tables", "R32UI", (COLUMNS, rows), words)
+        given = {"size": (COLUMNS, rows), "texels": _text(words)}
     return source, given, -(-count // COLUMNS), size, whole
 
 

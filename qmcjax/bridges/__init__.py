@@ -1,14 +1,11 @@
-"""Interfaces to other programs: plain Python, source code, tables for shaders, files.
+"""Interfaces to other programs: plain Python, source code, textures, files.
 
 ``import qmcjax`` does not import them. Arguments are checked: a TypeError or ValueError names the argument,
 the requirement and the value.
 """
 
+from qmcjax.bridges._bake import BakedTable as BakedTable
 from qmcjax.bridges._bake import bake as bake
-from qmcjax.bridges._bake import bake_mask as bake_mask
-from qmcjax.bridges._bake import bake_matrices as bake_matrices
-from qmcjax.bridges._bake import bake_order as bake_order
-from qmcjax.bridges._bake import bake_ranked as bake_ranked
 from qmcjax.bridges._engines import SequenceEngine as SequenceEngine
 from qmcjax.bridges._engines import tabulate as tabulate
 from qmcjax.bridges._images import read_image as read_image
@@ -19,4 +16,3 @@ from qmcjax.bridges._points import read_points as read_points
 from qmcjax.bridges._points import write_points as write_points
 from qmcjax.bridges._source import seeds as seeds
 from qmcjax.bridges._source import source as source
-from qmcjax.bridges._table import BakedTable as BakedTable

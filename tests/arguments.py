@@ -70,8 +70,7 @@ def right_of_functions():
         "qmcjax.sequences.function.f": [lambda index: (index[..., None] % 4).astype(jnp.float32) / 4],
         "qmcjax.samplers.function.f": [lambda x, y, sample: jnp.zeros((*sample.shape, 2))],
         "qmcjax.boundary_gradient.scene": [scenes.disc()], "qmcjax.estimated_reference.spp": [32],
-        "qmcjax.render_passes.sampler": [passes], "mitsuba.render_adaptive.sampler": [passes],
-        "mitsuba.render_adaptive.spp": [32], "mitsuba.render_adaptive.tolerance": [0.5],
+        "qmcjax.render_passes.sampler": [passes],
         "qmcjax.render_layers.sampler": [samplers.independent(sequences.sobol(3), 1)],
         "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
         "qmcjax.samplers.blue_noise_mask.channels": [1], "qmcjax.samplers.blue_noise_mask.side": [16],
@@ -276,7 +275,7 @@ FUNCTIONS = {
 
 MITSUBA = (mitsuba,) if find_spec("mitsuba") else ()
 
-RENDERS = "render", "render_adaptive", "sensor_with"
+RENDERS = "render", "sensor_with"
 
 
 def modules():

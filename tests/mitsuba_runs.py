@@ -2,7 +2,6 @@
 
 import json
 import sys
-import warnings
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -19,9 +18,9 @@ from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba as bridge
 from qmcjax.bridges._padding import padding_pair, padding_pixel
 from qmcjax.bridges._source import read
-from qmcjax.bridges.mitsuba import _streams as pixels
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
-from qmcjax.bridges.mitsuba._scalar import blocks
+from qmcjax.bridges.mitsuba._given import Window
+from qmcjax.bridges.mitsuba._scalar import block_side, blocks
 
 OWEN = samplers.independent(sequences.sobol(6), 1)
 CURVE = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
@@ -233,14 +232,14 @@ def bits():
     return found
 
 
-def compiled():
-    """Return for the samplers of all tests whether compiled functions return their pairs, and one more."""
+def scalar_bits():
+    """Return for the samplers of all tests whether the plug-in returns their pairs, and one more."""
     set_up("scalar_rgb")
     side, words = tables.SIDE, jax.random.bits(jax.random.key(0), (2,), jnp.uint32)
     x, y = (np.array(each, np.uint32) for each in ([0, 5, 3], [0, 2, side - 1]))
     # Blocks are halved until there is one for each thread.
-    window = pixels.Window(side, side, 0, 0)
-    block = pixels.block_side(window, drjit.thread_count() + 1, 0)
+    window = Window(side, side, 0, 0)
+    block = block_side(window, drjit.thread_count() + 1, 0)
     number = {tuple(corner): k for k, corner in enumerate(blocks(mi.Spiral, window, block).corners.tolist())}
     found = {}
     for name, sampler in tables.SAMPLERS.items():
@@ -269,17 +268,8 @@ def compiled():
         pixel = padding_pixel(words, *map(jnp.asarray, where[0]))
         more = np.asarray(padding_pair(pixel, jnp.uint32(pairs), jnp.asarray(where[1])))
         wanted = np.concatenate([own, more[:, None]], axis=1)
-        found[name] = [forked.class_name(), bool(np.array_equal(np.array(values, np.float32), wanted))]
+        found[name] = bool(np.array_equal(np.array(values, np.float32), wanted))
     return found
-
-
-def without_compilers():
-    """Return an image, and what is said about it."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        found = whole_bytes()
-        image(OWEN, SIZE, ASKED)
-    return {"bytes": found, "said": [str(each.message) for each in caught]}
 
 
 def replaced(variant):
@@ -578,114 +568,6 @@ def printed():
         set_up(variant)
         found[variant] = str(described(OWEN, SIZE, PATH))
     return found
-
-
-def passes(key=1, dims=6, spp=4):
-    return samplers.randomized(lambda key: samplers.independent(sequences.sobol(dims), key), key, spp)
-
-
-def never_stopped(variant):
-    """Return how much images in tiles differ from means of plain ones, by films, and what was taken."""
-    set_up(variant)
-    size, found = (24, 20), {}
-    crop = 3, 7, 15, 11
-    kinds: dict[str, dict[str, Any]] = {
-        "box": {},
-        "wide filter": {"rfilter": "gaussian"},
-        "border": {"rfilter": "gaussian", "film": {"sample_border": True}},
-        "crop": {"rfilter": "mitchell", "crop": crop},
-        "crop, border": {"rfilter": "gaussian", "crop": crop, "film": {"sample_border": True}},
-        "alpha": {"film": {"pixel_format": "rgba"}},
-        "lens": {"sensor": {"type": "thinlens", "aperture_radius": 0.3, "focus_distance": 4.0}},
-    }
-    # No request is beyond its dimensions: keys of those differ.
-    sampler = passes(dims=10)
-    for name, options in kinds.items():
-        scene = described("independent", size, {"type": "direct"}, **options)
-        tiles = bridge.render_adaptive(scene, sampler, 16, 1e-9, tile=7)
-        plain = [np.array(bridge.render(scene, sampler.of_pass(k), spp=4), np.float64) for k in range(4)]
-        off = abs(np.array(tiles.image) - np.mean(plain, axis=0)).max()
-        found[name] = [float(off), tiles.counts.shape == plain[0].shape[:2], tiles.saving]
-    return found
-
-
-def adaptive(variant):
-    """Return squared errors of tiles beside a reference of Mitsuba's own samples, and what was taken."""
-    set_up(variant)
-    scene, found = described("independent", SIZE, PATH), {}
-    references = np.array([mi.render(scene, spp=1024, seed=seed) for seed in range(8)], np.float64)
-    for unbiased in (False, True):
-        result = bridge.render_adaptive(scene, passes(spp=8), 512, 0.004, tile=4, unbiased=unbiased)
-        squares = (np.array(result.image) - references.mean(axis=0)) ** 2
-        squares -= references.var(axis=0, ddof=1) / len(references)
-        found[str(unbiased)] = {
-            "counts": result.counts[::4, ::4].ravel().tolist(),
-            "squares": squares.reshape(9, 4, 10, 4, 3).mean(axis=(1, 3, 4)).ravel().tolist(),
-            "saving": result.saving,
-        }
-    # Only the position in the pixel is the sampler's: what is shown is not.
-    beyond = bridge.render_adaptive(described("independent", (4, 4), ASKED), passes(dims=2), 64, 0.001)
-    return found | {"beyond": [int(beyond.counts.min()), float(np.array(beyond.image).mean())]}
-
-
-def spikes(variant):
-    """Return means of images of a thin line, by keys, and the smallest and largest number of samples."""
-    set_up(variant)
-    given = {"type": "hdrfilm", "width": 2, "height": 2, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
-    line = mi.ScalarTransform4f().translate([0, 0, 1]).scale([0.004, 1, 1]).rotate([0, 1, 0], 180)
-    scene = mi.load_dict(
-        {
-            "type": "scene",
-            "integrator": {"type": "direct"},
-            "sensor": {"type": "orthographic", "film": mi.load_dict(given)},
-            "line": {"type": "rectangle", "to_world": line, "emitter": {"type": "area"}},
-        }
-    )
-    found = {}
-    for unbiased in (False, True):
-        results = [
-            bridge.render_adaptive(scene, passes(key, 2), 256, 0.002, unbiased=unbiased) for key in range(40)
-        ]
-        found[str(unbiased)] = {
-            "means": [float(np.array(result.image).mean()) for result in results],
-            "counts": [int(result.counts.max()) for result in results],
-        }
-    return found
-
-
-def adaptive_refused(variant):
-    """Check messages of what goes wrong, and return the sizes that a function is called with."""
-    set_up(variant)
-    scene, asked = described("independent", (8, 6), ASKED), []
-
-    def make(width, height, spp):
-        asked.append([width, height, spp])
-        return passes()
-
-    same = [np.array(bridge.render_adaptive(scene, each, 16, 1e-9).image) for each in (make, passes())]
-    traced = described("independent", (8, 6), {"type": "ptracer"})
-
-    def call(scene=scene, sampler=None, spp=16, tolerance: Any = 0.1, **more):
-        return lambda: bridge.render_adaptive(scene, sampler or passes(), spp, tolerance, **more)
-
-    refuse(
-        {
-            "TypeError: scene must be the path of a scene's file, or a scene loaded in": call(scene=3),
-            "ValueError: sensor must be an integer in [0, 0], got 1": call(sensor=1),
-            "ValueError: scene must have an integrator that starts from the sensor": call(scene=traced),
-            "TypeError: sampler must be made by samplers.randomized": call(sampler=OWEN),
-            "sampler must be made by samplers.randomized for a tolerance": call(sampler=lambda *size: OWEN),
-            "ValueError: spp must be a multiple of the 4 samples of a pass": call(spp=18),
-            "of the 4 samples of a pass and at least 16": call(spp=12),
-            "of the 4 samples of a pass and at least 20": call(unbiased=True),
-            "ValueError: tolerance must be positive and finite, got 0.0": call(tolerance=0.0),
-            "TypeError: tolerance must be one number for all pixels": call(tolerance=np.ones(2)),
-            "TypeError: unbiased must be True or False, got 1": call(unbiased=1),
-            "ValueError: tile must be an integer in [1, 65536], got 0": call(tile=0),
-            "ValueError: key must be an integer in [0, 4294967295], got -1": call(key=-1),
-        }
-    )
-    return {"asked": asked, "same": np.array_equal(*same)}
 
 
 if __name__ == "__main__":

@@ -243,7 +243,7 @@ LONG = {
     "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
     "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",
     "moving.analytic.__call__", "moving.varies", "moving.analytic.varies",
-    "moving.analytic.unresolved", "mitsuba.render_adaptive",
+    "moving.analytic.unresolved",
 }
 # fmt: on
 """Programs of many operations, which are compiled for each shape: less is tried."""

@@ -1,7 +1,7 @@
 """Samplers as plain objects: one number at a time, or NumPy arrays."""
 
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,17 +11,16 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import jit
-from qmcjax.samplers import Sampler, SamplerLike, as_sampler
+from qmcjax.samplers import SamplerLike, as_sampler
 
 _TILE = 16
-_SAMPLES = 8
-"""Maximum number of columns, rows, and samples of a table."""
+"""Maximum number of columns and rows of a table."""
 
 _LARGEST = 2**16
 """Approximate number of coordinates of a table: it has fewer pixels if there are many dimensions."""
 
-_KEPT = 2**24
-"""Number of cached coordinates, 64 MiB in float32: the tables of a row of tiles, in most images."""
+PIECE = 2**20
+"""Approximate number of coordinates computed together: 8 MiB in float64."""
 
 
 class PlainSampler:
@@ -52,15 +51,7 @@ class PlainSampler:
     def __init__(self, sampler: SamplerLike, dtype: DTypeLike = np.float32) -> None:
         self.sampler = as_sampler("sampler", sampler)
         self.dtype = checks.floating(dtype)
-        self._all = tuple(range(self.sampler.dims))
-        tile = _TILE
-        while tile > 1 and tile * tile * _SAMPLES * self.dims > _LARGEST:
-            tile //= 2
-        limits = self.sampler.limits
-        self._limits = limits
-        self._sides = min(tile, limits[0]), min(tile, limits[1]), min(_SAMPLES, limits[2])
-        coordinates = int(np.prod(self._sides)) * self.dims
-        self._table = lru_cache(max(1, _KEPT // coordinates))(self._make_table)
+        self._tables = Tables(self.sampler, self.dims, self.sampler.limits, 8, 2**24, self.dtype)
         self._point: list[float] = []
         self._next = 0
 
@@ -78,10 +69,14 @@ class PlainSampler:
         sample : int
             Its index.
         """
-        x, y, sample = self._check(pixel, sample)
-        width, height, count = self._sides
-        table, left, top, first = self._table(x // width, y // height, sample // count)
-        self._point = table[y - top, x - left, sample - first].tolist()
+        try:
+            x, y = pixel
+        except (TypeError, ValueError):
+            raise TypeError(f"pixel must be column and row, got {checks.shown(pixel)}") from None
+        columns, rows, samples = self.sampler.limits
+        x = checks.integer("pixel", x, 0, columns - 1)
+        y = checks.integer("pixel", y, 0, rows - 1)
+        self._point = self._tables(x, y, checks.integer("sample", sample, 0, samples - 1))
         self._next = 0
 
     def get1d(self) -> float:
@@ -134,29 +129,6 @@ class PlainSampler:
         self.sampler.check(width, height, spp)
         return pixel_points(self.sampler.up_to(spp), (0, 0), (width, height), 0, spp, wanted, self.dtype)
 
-    def _check(self, pixel: Any, sample: Any) -> tuple[int, int, int]:
-        try:
-            x, y = pixel
-        except (TypeError, ValueError):
-            raise TypeError(f"pixel must be column and row, got {checks.shown(pixel)}") from None
-        columns, rows, samples = self._limits
-        known = type(x) is type(y) is type(sample) is int  # the most usual case, at once
-        if known and 0 <= x < columns and 0 <= y < rows and 0 <= sample < samples:
-            return x, y, sample
-        return (
-            checks.integer("pixel", x, 0, columns - 1),
-            checks.integer("pixel", y, 0, rows - 1),
-            checks.integer("sample", sample, 0, samples - 1),
-        )
-
-    def _make_table(self, *place: int) -> tuple[NDArray, int, int, int]:
-        """Return a table and its start: the last ones start early enough to be as large as the others."""
-        sizes = zip(place, self._sides, self._limits, strict=True)
-        x, y, first = (min(k * side, limit - side) for k, side, limit in sizes)
-        width, height, count = self._sides
-        made = pixel_points(self.sampler, (x, y), (width, height), first, count, self._all, self.dtype)
-        return made, x, y, first
-
     def _take(self, count: int) -> list[float]:
         end = self._next + count
         if end > len(self._point):
@@ -169,13 +141,51 @@ class PlainSampler:
         return taken
 
 
-PIECE = 2**20
-"""Approximate number of coordinates computed together: 8 MiB in float64."""
+class Tables:
+    """Points of a sampler, one by one: from tables of nearby pixels and samples, made on demand.
+
+    ``limits``: of columns, rows and samples. ``samples``: of a pixel in a table, at most. ``kept``: number of
+    cached coordinates. Tables are counted from ``origin``: column, row and sample.
+    """
+
+    def __init__(
+        self,
+        sampler: Callable[..., Array],
+        dims: int,
+        limits: tuple[int, int, int],
+        samples: int,
+        kept: int,
+        dtype: DTypeLike = np.float32,
+        origin: tuple[int, int, int] = (0, 0, 0),
+    ) -> None:
+        count = min(samples, limits[2], max(1, _LARGEST // dims))
+        tile = _TILE
+        while tile > 1 and tile * tile * count * dims > _LARGEST:
+            tile //= 2
+        sides = self._sides = min(tile, limits[0]), min(tile, limits[1]), count
+        self._origin = origin
+
+        def made(*place: int) -> tuple[NDArray, int, int, int]:
+            """Return a table and its start: the last ones start early enough to be as large as the others."""
+            x, y, first = (
+                max(0, min(start + k * side, limit - side))
+                for start, k, side, limit in zip(origin, place, sides, limits, strict=True)
+            )
+            every = tuple(range(dims))
+            return pixel_points(sampler, (x, y), sides[:2], first, count, every, dtype), x, y, first
+
+        self._table = lru_cache(max(1, kept // (sides[0] * sides[1] * count * dims)))(made)
+
+    def __call__(self, x: int, y: int, sample: int) -> list[float]:
+        (left, top, start), (width, height, count) = self._origin, self._sides
+        place = (x - left) // width, (y - top) // height, (sample - start) // count
+        table, x0, y0, first = self._table(*place)
+        return table[y - y0, x - x0, sample - first].tolist()
 
 
 @jit("width", "height", "count", "dims", "dtype")
 def _piece(
-    sampler: Sampler,
+    sampler: Callable[..., Array],
     corner: Array,
     first: Array,
     width: int,
@@ -196,7 +206,7 @@ def _piece(
 
 
 def pixel_points(
-    sampler: Sampler,
+    sampler: Callable[..., Array],
     corner: tuple[int, int],
     size: tuple[int, int],
     first: int,

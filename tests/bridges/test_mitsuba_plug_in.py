@@ -15,7 +15,6 @@ import tables
 
 from figures.ours import mitsuba_samplers
 from qmcjax.bridges import mitsuba
-from qmcjax.bridges.mitsuba._native_sampler import NotCompiled, compiler, library
 
 ROOT = Path(__file__).parents[2]
 
@@ -127,55 +126,12 @@ def test_what_cannot_be_is_refused():
     found_by("refused")
 
 
-def compilers():
-    """Skip unless there is what compiles the plugin of scalar variants."""
-    for language in ("c", "c++"):
-        try:
-            compiler(language)
-        except NotCompiled as error:
-            pytest.skip(str(error))
-
-
 @in_mitsuba
-def test_compiled_functions_have_the_bits_of_the_sampler(shared):
+def test_scalar_samples_have_the_bits_of_the_sampler(shared):
     """Each sampler of the tests' table, all its pairs and one of padding, at corners and edges of blocks."""
-    compilers()
-    found = shared("compiled")
+    found = shared("scalar_bits")
     assert len(found) > 30
-    for name, equal in found.items():
-        assert equal == ["QmcjaxSampler", True], name
-
-
-@in_mitsuba
-def test_without_a_compiler_images_are_the_same(whole_bytes, monkeypatch, tmp_path):
-    """What is missing, and what helps, is said once."""
-    compilers()
-    for variable in ("CC", "CXX"):
-        monkeypatch.setenv(variable, "no-such-compiler")
-        found = found_by("without_compilers")
-        assert found["bytes"] == whole_bytes
-        (text,) = found["said"]
-        assert "there is no compiler 'no-such-compiler' (Debian: apt install g++" in text
-        monkeypatch.delenv(variable)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
-    (tmp_path / "file").write_text("")
-    found = found_by("without_compilers")
-    assert found["bytes"] == whole_bytes and "Not a directory" in found["said"][0]
-
-
-def test_source_is_compiled_once(monkeypatch, tmp_path):
-    """In a folder of the user alone, under a name that depends on the text; errors are the compiler's."""
-    compilers()
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert library("int two(void) { return 2; }", "c").two() == 2
-    (path,) = (tmp_path / "qmcjax" / "mitsuba").iterdir()
-    assert path.parent.stat().st_mode & 0o777 == 0o700
-    before = path.stat().st_mtime_ns
-    assert library("int two(void) { return 2; }", "c").two() == 2 and path.stat().st_mtime_ns == before
-    assert library("int two(void) { return 3; }", "c").two() == 3
-    with pytest.raises(NotCompiled, match=r"ended with 1: .*error"):
-        library("int two(void) { return }", "c")
-    assert len(list(path.parent.iterdir())) == 2
+    assert all(found.values()), found
 
 
 @in_mitsuba
@@ -215,53 +171,6 @@ def test_scenes_like_those_of_production():
             assert 0 < abs(difference.mean()) < 5 * error, name
         else:
             assert abs(one - other).max() < 1e-3, name
-
-
-@in_mitsuba
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_tiles_that_never_stop_have_the_mean_of_all_passes(variant, found_in):
-    """Without seams, for filters wider than a pixel, borders and crop windows.
-
-    In scalar variants weights of filters differ a little where a tile begins elsewhere than the image.
-    Without the border around tiles pixels are off by 0.005 or more.
-    """
-    found = found_in("never_stopped", variant)
-    for name, (off, size, saving) in found.items():
-        table = variant == "scalar_rgb" and name in ("wide filter", "crop")
-        assert off < (1e-3 if table else 1e-6) and size, name
-        assert saving < 0 or name == "box", "samples around tiles count"
-
-
-@in_llvm
-def test_passes_go_on_in_tiles_until_the_error_is_small():
-    """To five standard deviations of the mean of some 50 tiles of 16 pixels, colours alike."""
-    found = found_by("adaptive", "llvm_ad_rgb")
-    assert found.pop("beyond")[0] == 64
-    for unbiased, of in found.items():
-        counts, squares = np.array(of["counts"]), np.array(of["squares"]) / 0.004**2
-        least = 40 if unbiased == "True" else 32
-        assert counts.min() == least and least < counts.max() < 512 and of["saving"] > 0.8
-        assert of["saving"] == pytest.approx(1 - counts.mean() / 512)
-        later = squares[counts > least]
-        assert len(later) > 40 and squares.mean() < 1
-        assert abs(later.mean() - 1) < 5 * np.sqrt(2 / 16 / len(later))
-
-
-@in_mitsuba
-def test_tiles_are_unbiased_when_asked_for(shared):
-    """Four passes of four samples in four pixels see no line with probability (1 - width)^64, 0.77."""
-    for unbiased, of in shared("spikes", "scalar_rgb").items():
-        means, counts = np.array(of["means"]), of["counts"]
-        assert min(counts) == (20 if unbiased == "True" else 16) and max(counts) == 256
-        deviation = (means.mean() - 0.004) / (means.std(ddof=1) / np.sqrt(len(means)))
-        assert (abs(deviation) < 5) == (unbiased == "True")
-
-
-@in_mitsuba
-def test_what_tiles_refuse(shared):
-    """And a function makes the sampler for the film."""
-    found = shared("adaptive_refused", "scalar_rgb")
-    assert found["asked"] == [[8, 6, 16]] and found["same"]
 
 
 def check_unbiased(found):
@@ -380,7 +289,7 @@ def test_without_it_the_extra_is_named(monkeypatch):
 def test_the_page_of_the_documentation_runs(tmp_path):
     page = (ROOT / "figures" / "docs" / "bridges" / "mitsuba.rst").read_text(encoding="utf-8")
     blocks = re.findall(r"\.\. code-block:: python\n\n((?: {3}.*\n|\n)+)", page)
-    assert len(blocks) == 6
+    assert len(blocks) == 5
     script = f"import os\nos.chdir({str(tmp_path)!r})\n" + "\n".join(map(textwrap.dedent, blocks))
     printed = run("-c", script)
     assert printed.splitlines()[0] == "True" and (tmp_path / "box.png").stat().st_size > 1000

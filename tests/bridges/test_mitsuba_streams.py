@@ -1,65 +1,44 @@
-"""Samples of pixels for Mitsuba, request by request: blocks, tiles, seeds and pairs of padding."""
+"""Samples for Mitsuba's scalar variants: blocks, seeds, and pairs beyond those of a sampler."""
 
-import jax
 import numpy as np
 import pytest
 
 from qmcjax import orders, samplers, sequences
-from qmcjax.bridges._padding import PaddedPairs
-from qmcjax.bridges.mitsuba import _streams as pixels
-from qmcjax.bridges.mitsuba._given import as_pixels
-from qmcjax.bridges.mitsuba._streams import TILE, Stream
+from qmcjax.bridges.mitsuba import _scalar as pixels
+from qmcjax.bridges.mitsuba._given import Window, as_pixels
 from qmcjax.core.checks import prng_key
 
 
-def stream_of(sampler, samples, key=0):
-    """Return a stream of coordinates of samples."""
-    stream = Stream()
-    stream.put(PaddedPairs(sampler, prng_key("key", key)), samples)
-    return stream
+def points_of(sampler, key=0, origin=(0, 0, 0), count=16):
+    return pixels.Points(sampler, key=prng_key("key", key), origin=origin, count=count, threads=1)
 
 
-def requested(stream, number, pairs):
-    """Return the first pairs of one sample, shape (pairs, 2)."""
-    stream.restart()
-    return [stream.next(number) for _ in range(pairs)]
+def requested(points, pairs, x, y, sample):
+    """Return pairs of one sample, shape (pairs, 2)."""
+    found = []
+    for pair in pairs:
+        group, number = points.place(pair)
+        found.append(points.tables(group)(x, y, sample)[2 * number : 2 * number + 2])
+    return found
 
 
-@pytest.mark.slow
-def test_pairs_of_the_sampler_are_its_own():
-    """Also those that are computed together, and those of one sample alone."""
+@pytest.mark.parametrize("origin", [(0, 0, 0), (7, 2, 6)])
+def test_pairs_of_the_sampler_are_its_own(origin):
+    """At both sides of tables, before and behind their origin; an odd last coordinate is omitted."""
     sampler = samplers.independent(sequences.sobol(11), 3)
-    samples = pixels.Block(pixels.Window(5, 3, 7, 2), (0, 0), 8, 4, 6)
-    x, y, sample = samples.where(np.arange(60, dtype=np.uint32))
-    assert (x[:5].tolist(), y[-1], sample[:5].tolist()) == ([7, 7, 7, 7, 8], 4, [6, 7, 8, 9, 6])
-    points = np.asarray(sampler(x, y, sample, tuple(range(10)))).reshape(60, 5, 2)
-    stream = stream_of(sampler, samples)
-    assert np.array_equal([requested(stream, number, 5) for number in range(60)], points)
-    assert np.array_equal(requested(stream_of(sampler, samples), 17, 5), points[17])
-
-
-def test_tiles_do_not_show():
-    """Samples on both sides of the border of two tiles, and in a last one that is not full."""
-    sampler = samplers.independent(sequences.sobol(2), 1)
-    samples = pixels.Block(pixels.Window(64, 64, 0, 0), (0, 0), 64, 5, 0)
-    assert samples.count > TILE and samples.count % TILE
-    stream = stream_of(sampler, samples)
-    some = np.array([0, TILE - 1, TILE, samples.count - 1], np.uint32)
-    wanted = np.asarray(sampler(*samples.where(some)))
-    assert [requested(stream, int(k), 1) for k in some] == [[tuple(row)] for row in wanted.tolist()]
-    with pytest.raises(
-        ValueError, match=f"sample must be one of {samples.count}, got number {samples.count}"
-    ):
-        requested(stream, samples.count, 1)
+    points = points_of(sampler, origin=origin)
+    assert points.own == 5
+    for where in ((0, 0, 0), (7, 2, 5), (6, 18, 22), (23, 17, 6), (65535, 65535, 2**32 - 2)):
+        wanted = np.asarray(sampler(*where, tuple(range(10)))).reshape(5, 2)
+        assert np.array_equal(requested(points, range(5), *where), wanted)
 
 
 def padded(spp, pairs=(1, 2), key=5, side=16):
     """Return pairs behind those of a sampler, shape (pairs, pixels, spp, 2)."""
-    made = PaddedPairs(samplers.independent(sequences.sobol(2), 0), prng_key("key", key))
-    samples = pixels.Block(pixels.Window(side, side, 0, 0), (0, 0), side, spp, 0)
-    where = samples.where(np.arange(samples.count, dtype=np.uint32))
-    values = [np.transpose(made.coordinates(made.group(pair), *where)) for pair in pairs]
-    return np.reshape(values, (len(pairs), side**2, spp, 2))
+    points = points_of(samplers.independent(sequences.sobol(2), 0), key, count=spp)
+    places = [(x, y, s) for y in range(side) for x in range(side) for s in range(spp)]
+    values = np.array([requested(points, pairs, *place) for place in places])
+    return values.reshape(side**2, spp, len(pairs), 2).transpose(2, 0, 1, 3)
 
 
 def test_padding_is_of_nets():
@@ -91,32 +70,23 @@ def test_padding_is_fresh():
     assert abs(np.mean(2 * same - 1)) < 5 / np.sqrt(256)
 
 
-def test_blocks_in_morton_order():
-    """Pixels of blocks, those beyond an edge standing for its last ones."""
-    window = pixels.Window(5, 3, 10, 20)
-    block = pixels.Block(window, (4, 0), 4, 2, 1)
-    x, y, sample = block.where(np.arange(block.count, dtype=np.uint32))
-    assert sample.tolist() == [1, 2] * 16
-    order = orders.morton(4, 4)
-    columns, rows = (np.asarray(part) for part in order.pixel(np.arange(16, dtype=np.uint32)))
-    assert np.array_equal(x[::2], np.minimum(columns + 4, 4) + 10)
-    assert np.array_equal(y[::2], np.minimum(rows, 2) + 20)
-
-
 def test_a_seed_is_told_or_refused():
     """Each rendering with another seed than 0 has numbers that are too large, whatever the film's size."""
     for side, width, height in ((4, 5, 3), (2, 8, 8), (32, 3, 3)):
         count = -(-width // side) * -(-height // side)
-        blocks = pixels.Blocks(pixels.Window(width, height, 0, 0), np.zeros((count, 2), np.int64), side)
-        numbers = [blocks.locate(seed) for seed in range(count * side**2)]
-        assert numbers == [(b, i) for b in range(count) for i in range(side**2)]
+        corners = np.stack([np.arange(count) * side, np.zeros(count, int)], axis=-1)
+        blocks = pixels.Blocks(Window(width, height, 10, 20), corners, side)
+        x, y = orders.morton(side, side).pixel(np.tile(np.arange(side**2, dtype=np.uint32), count))
+        x = np.asarray(x) + np.repeat(side * np.arange(count), side**2) + 10
+        found = [blocks.pixel(seed) for seed in range(count * side**2)]
+        assert np.array_equal(found, np.stack([x, np.asarray(y) + 20], axis=-1))
         for seed in (1, 2, 7):
             with pytest.raises(ValueError, match="seed must be 0 in scalar variants"):
                 for number in range(count * side**2):
-                    blocks.locate(seed * width * height + number)
-    assert pixels.block_side(pixels.Window(64, 33, 0, 0), 4, 0) == 32
-    assert pixels.block_side(pixels.Window(64, 32, 0, 0), 4, 0) == 16
-    assert pixels.block_side(pixels.Window(64, 32, 0, 0), 4, 8) == 8
+                    blocks.pixel(seed * width * height + number)
+    assert pixels.block_side(Window(64, 33, 0, 0), 4, 0) == 32
+    assert pixels.block_side(Window(64, 32, 0, 0), 4, 0) == 16
+    assert pixels.block_side(Window(64, 32, 0, 0), 4, 8) == 8
 
 
 def test_what_is_no_sampler_is_refused():
@@ -124,9 +94,3 @@ def test_what_is_no_sampler_is_refused():
         as_pixels("sampler", sequences.sobol(2))
     with pytest.raises(ValueError, match="at least the two coordinates of a pixel, got 1"):
         as_pixels("sampler", samplers.independent(sequences.van_der_corput(), 0))
-    with pytest.raises(ValueError, match="seed or seek must set the pixels"):
-        Stream().next(0)
-    outside = samplers.function(lambda x, y, sample: jax.numpy.full((*x.shape, 2), 1.5), 2)
-    stream = stream_of(outside, pixels.Block(pixels.Window(8, 8, 0, 0), (0, 0), 8, 1, 0))
-    with pytest.raises(ValueError, match=r"points in \[0, 1\), got \[1.5, 1.5\] in pixel \(0, 0\), sample 0"):
-        stream.next(0)

@@ -1,13 +1,14 @@
 """Pairs of coordinates: nets, and independent of each other, or off by what docstrings say."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import analysis
 from figures.shared.rendered import padded_samplers
 from qmcjax import samplers
-from qmcjax.bridges._padding import PaddedPairs
+from qmcjax.bridges._padding import Padding
 
 SIDE, SPP, BINS = 256, 4, 32
 Y, X = (axis.ravel() for axis in np.indices((SIDE, SIDE), np.uint32))
@@ -80,10 +81,13 @@ def test_pairs_that_share_a_table_are_as_uniform_as_fewer_pixels(name):
 def test_pairs_beyond_those_of_a_sampler_are_independent():
     """Those that Mitsuba's plug-in adds."""
     for key in range(2):
-        padded = PaddedPairs(samplers.z(SIDE, SIDE, SPP, key), jax.random.key(key))
-        x, y, sample = (np.tile(X, SPP), np.tile(Y, SPP), np.repeat(np.arange(SPP, dtype=np.uint32), X.size))
-        first = [padded.coordinates(padded.group(pair), x, y, sample)[0] for pair in (0, 1, 2)]
-        assert np.abs(chi_squared(np.stack(first, -1)) - 1).max() < BOUND
+        words = jax.random.bits(jax.random.key(key), (2,))
+        places = [axis.astype(np.uint32) for axis in np.ogrid[:SIDE, :SIDE, :SPP]]
+        y, x, sample = map(jnp.asarray, places)
+        own = samplers.z(SIDE, SIDE, SPP, key)(x, y, sample, (0,))
+        beyond = Padding(words, jnp.uint32(1))(x, y, sample, (0, 1, 2, 3), jnp.float32)[..., ::2]
+        first = np.moveaxis(np.concatenate([own, beyond], axis=-1), 2, 0).reshape(-1, 3)
+        assert np.abs(chi_squared(first) - 1).max() < BOUND
 
 
 PIXELS, SAMPLES, DIMS = 64, 16, 5

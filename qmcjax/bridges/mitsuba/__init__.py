@@ -1,11 +1,9 @@
 """Samplers of qmcjax as a sampler plugin of Mitsuba 3 (``pip install 'qmcjax[mitsuba]'``).
 
 :func:`register` registers the plugin, and :func:`wrap` wraps a sampler for Mitsuba's dictionaries.
-:func:`render` and :func:`sensor_with` use a sampler in a scene from a file. :func:`render_adaptive` samples
-only where needed.
+:func:`render` and :func:`sensor_with` use a sampler in a scene from a file.
 """
 
-from qmcjax.bridges.mitsuba._adaptive import render_adaptive as render_adaptive
 from qmcjax.bridges.mitsuba._register import check_llvm as check_llvm
 from qmcjax.bridges.mitsuba._register import register as register
 from qmcjax.bridges.mitsuba._register import wrap as wrap

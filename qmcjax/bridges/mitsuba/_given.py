@@ -3,9 +3,8 @@
 import inspect
 from collections.abc import Callable
 from threading import Lock
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from qmcjax.bridges.mitsuba._streams import Window
 from qmcjax.core import checks
 from qmcjax.samplers import Sampler, as_sampler
 
@@ -13,6 +12,15 @@ LIMIT = checks.INDEX_LIMIT - 1
 """Largest index of a sample, and largest number of samples."""
 
 Made = TypeVar("Made")
+
+
+class Window(NamedTuple):
+    """The sampled pixels: the crop of a film and, if the film samples it, the border around it."""
+
+    width: int
+    height: int
+    left: int
+    top: int
 
 
 class Given:
@@ -37,41 +45,28 @@ class Given:
         self.block_side = 0 if side == 0 else checks.power_of_two("block_size", side, checks.MAX_SIDE)
         self._lock, self._size, self._made = Lock(), None, None
         self._used = False
-        self._part: tuple[int, int, tuple[int, int]] | None = None
-
-    def show(self, left: int, top: int, whole: tuple[int, int]) -> None:
-        """Let the film show a part, from this column and row on, of an image of this size."""
-        self._part = left, top, whole
 
     def window(self) -> Window:
-        border = self._border
-        width, height = (int(side) + 2 * border for side in self.film.crop_size())
-        left, top = self._part[:2] if self._part else (int(start) for start in self.film.crop_offset())
-        return Window(width, height, left, top)
+        width, height = (int(side) + 2 * self._border for side in self.film.crop_size())
+        return Window(width, height, *(int(start) for start in self.film.crop_offset()))
 
     def whole(self) -> tuple[int, int]:
         """Return the columns and rows of the whole film with its border, the image size of the sampler."""
-        if self._part:
-            return self._part[2]
         width, height = (int(side) + 2 * self._border for side in self.film.size())
         return width, height
 
-    def in_use(self) -> bool:
-        """Return whether the film is in use, as the sensor's is while Mitsuba renders."""
-        if not self._used:
-            try:
-                self.film.develop(raw=True)
-            except RuntimeError:
-                return False
-            self._used = True
-        return True
-
     def check_film(self) -> None:
-        if not self.in_use():
+        """Raise unless the film is in use, as the sensor's is while Mitsuba renders."""
+        if self._used:
+            return
+        try:
+            self.film.develop(raw=True)
+        except RuntimeError:
             raise ValueError(
                 "film must be the sensor's film, got another: Mitsuba has not prepared it for an image. In "
                 "loops of your own use seek, not seed"
-            )
+            ) from None
+        self._used = True
 
     def make_once(self, count: int, make: Callable[[Sampler], Made]) -> Made:
         """Return the object made from the sampler for ``count`` samples per pixel, once for all copies."""

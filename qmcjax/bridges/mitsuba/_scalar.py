@@ -1,109 +1,98 @@
-"""The plugin for scalar variants: one sample after another, by compiled functions or by JAX."""
+"""The plugin for scalar variants: one sample after another, from tables of nearby ones."""
 
-import copy
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from types import ModuleType
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
-from qmcjax.bridges.mitsuba._given import LIMIT, Given, describe
-from qmcjax.bridges.mitsuba._native_sampler import Numbers, register_native
-from qmcjax.bridges.mitsuba._streams import Block, Blocks, Stream, Window, block_side
-from qmcjax.core import checks
+from qmcjax.bridges._padding import Padding
+from qmcjax.bridges._plain import Tables
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, Window, describe
+from qmcjax.core import checks, draws
+from qmcjax.samplers import Sampler
+
+BLOCK = 32
+"""Side of the blocks of Mitsuba's scalar variants (``MI_BLOCK_SIZE``)."""
+
+_TOGETHER = 8
+"""Number of pairs beyond those of the sampler in a table."""
+
+_KEPT = 2**17
+"""Number of cached coordinates for each thread: two tables."""
 
 
-def scalar(mitsuba: ModuleType) -> type:
-    """Return the class for scalar variants: one sample after another."""
-    import drjit  # pyright: ignore[reportMissingImports]
+class Points:
+    """The pairs of a sampler, and those beyond; shared by copies of the plugin."""
 
-    class ScalarSampler(mitsuba.Sampler):
-        def __init__(self, properties: Any, given: Given | None = None) -> None:
-            super().__init__(properties)
-            self.given = given or Given(properties)
-            self.stream = Stream()
-            self.blocks, self.block = None, None
-            self.number, self.end = 0, 0
+    def __init__(
+        self, sampler: Sampler, *, key: Any, origin: tuple[int, int, int], count: int, threads: int
+    ) -> None:
+        self.sampler, self.own = sampler, sampler.dims // 2
+        words = draws.bits(key, (2,), jnp.uint32)
 
-        def fork(self) -> Any:
-            """Return a sampler for one thread, without Python in images if there is a compiler."""
-            if self.given.in_use() and register_native(mitsuba.variant()):
-                made = self._native_copy()
-                if made is not None:
-                    return made
-            return self._copy()
+        def tables(group: int) -> Tables:
+            points, pairs = sampler, self.own
+            if group:
+                points, pairs = Padding(words, jnp.uint32(self.own + _TOGETHER * (group - 1))), _TOGETHER
+            return Tables(points, 2 * pairs, sampler.limits, count, threads * _KEPT, origin=origin)
 
-        def _native_copy(self) -> Any:
-            count, first, window = self.sample_count(), self.given.first, self.given.window()
-            numbers = self._numbers(first + count)
-            return numbers.native(mitsuba, self._blocks(window), first, count)
+        self.tables = lru_cache(maxsize=None)(tables)
 
-        def _copy(self) -> Any:
-            properties = mitsuba.Properties()
-            properties["sample_count"] = self.sample_count()
-            return ScalarSampler(properties, self.given)
+    def place(self, pair: int) -> tuple[int, int]:
+        """Return the group of a pair, 0 for those of the sampler, and its number there."""
+        if pair < self.own:
+            return 0, pair
+        group, number = divmod(pair - self.own, _TOGETHER)
+        return group + 1, number
 
-        def clone(self) -> Any:
-            other = self._copy()
-            other.stream = copy.copy(self.stream)
-            other.blocks, other.block = self.blocks, self.block
-            other.number, other.end = self.number, self.end
-            return other
 
-        def seed(self, seed: int, wavefront_size: int = LIMIT) -> None:
-            if self.blocks is None:
-                self.blocks = self._blocks(self.given.window())
-            number, pixel = self.blocks.locate(int(seed))
-            count = self.sample_count()
-            if (number, count) != self.block:
-                self.given.check_film()
-                self._put(self.blocks.block(number, count, self.given.first), self.given.first + count)
-                self.block = number, count
-            self.stream.restart()
-            self.number, self.end = pixel * count, (pixel + 1) * count
+@dataclass(frozen=True)
+class Blocks:
+    """The numbered blocks of a scalar variant: a pixel's seed is its number in all of them.
 
-        def seek(self, x: int, y: int, sample: int = 0) -> None:
-            columns, rows = self.given.whole()
-            x, y = checks.integer("x", x, 0, columns - 1), checks.integer("y", y, 0, rows - 1)
-            sample = checks.integer("sample", sample, 0, LIMIT - 1)
-            end = max(self.given.first + self.sample_count(), sample + 1)
-            self._put(Block(Window(1, 1, x, y), (0, 0), 1, end - sample, sample), end)
-            self.block, self.number, self.end = None, 0, end - sample
+    In ``SamplingIntegrator::render_block`` the seed of pixel i of a block, in Morton order, is
+    ``number * side**2 + i``, plus the seed of the whole rendering times the number of pixels. Blocks at the
+    edges count in full: the numbers of one rendering overlap with those of the next, and a seed other than 0
+    cannot always be detected. But such a rendering contains at least one number that is too large.
+    """
 
-        def advance(self) -> None:
-            self.number += 1
-            self.stream.restart()
+    window: Window
+    corners: NDArray[np.int64]
+    """(blocks, 2): column and row of the first pixel in the window, by number."""
+    side: int
 
-        def next_1d(self, active: bool = True) -> float:
-            return self._next()[0]
+    def pixel(self, seed: int) -> tuple[int, int]:
+        """Return the column and row of a seed, or raise a ValueError."""
+        number, place = divmod(seed, self.side**2)
+        if number >= len(self.corners):
+            raise ValueError(
+                "seed must be 0 in scalar variants, samples_per_pass unset, and block_size the integrator's, "
+                f"got pixel {place} of block {number} of {len(self.corners)}: use first_sample instead"
+            )
+        x, y = self.corners[number].tolist()
+        return x + self.window.left + _even_bits(place), y + self.window.top + _even_bits(place >> 1)
 
-        def next_2d(self, active: bool = True) -> Any:
-            return mitsuba.Point2f(*self._next())
 
-        def to_string(self) -> str:
-            return describe(self)
+def _even_bits(word: int) -> int:
+    """Move bit 2 k to bit k."""
+    word &= 0x55555555
+    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
+        word = (word | (word >> shift)) & mask
+    return word
 
-        def _next(self) -> tuple[float, float]:
-            if self.number >= self.end:
-                raise ValueError(
-                    f"sample_count must be the number of samples taken, got {self.sample_count()}"
-                )
-            return self.stream.next(self.number)
 
-        def _put(self, samples: Block, end: int) -> None:
-            self.stream.put(self._numbers(end).pairs, samples)
-
-        def _numbers(self, end: int) -> Numbers:
-            numbers = self.given.make_once(self.sample_count(), partial(Numbers, key=self.given.key))
-            numbers.pairs.sampler.check(*self.given.whole(), end)
-            return numbers
-
-        def _blocks(self, window: Window) -> Blocks:
-            # Dr.Jit renders in its threads and in the calling thread.
-            side = block_side(window, drjit.thread_count() + 1, self.given.block_side)
-            return blocks(mitsuba.Spiral, window, side)
-
-    return ScalarSampler
+def block_side(window: Window, threads: int, chosen: int) -> int:
+    """Return the side of an integrator's blocks: the given one, else 32, halved until all threads work."""
+    if chosen:
+        return chosen
+    side = BLOCK
+    while side > 1 and -(-window.width // side) * -(-window.height // side) < threads:
+        side //= 2
+    return side
 
 
 @lru_cache(maxsize=8)
@@ -115,3 +104,92 @@ def blocks(spiral_of: Any, window: Window, side: int) -> Blocks:
         corner, _, number = spiral.next_block()
         corners[number] = np.array(corner)
     return Blocks(window, corners, side)
+
+
+def scalar(mitsuba: ModuleType) -> type:
+    """Return the class for scalar variants: one sample after another."""
+    import drjit  # pyright: ignore[reportMissingImports]
+
+    class ScalarSampler(mitsuba.Sampler):
+        def __init__(self, properties: Any, given: Given | None = None) -> None:
+            super().__init__(properties)
+            self.given = given or Given(properties)
+            self.blocks: Blocks | None = None
+            self.points: Points | None = None
+            self.pixel, self.checked = (0, 0), 0
+            self._start(0, 0)
+
+        def fork(self) -> Any:
+            properties = mitsuba.Properties()
+            properties["sample_count"] = self.sample_count()
+            return ScalarSampler(properties, self.given)
+
+        def clone(self) -> Any:
+            other = self.fork()
+            for name in ("blocks", "points", "pixel", "checked", "sample", "end", "pair"):
+                setattr(other, name, getattr(self, name))
+            return other
+
+        def seed(self, seed: int, wavefront_size: int = LIMIT) -> None:
+            if self.blocks is None:
+                window = self.given.window()
+                side = block_side(window, self._threads(), self.given.block_side)
+                self.blocks = blocks(mitsuba.Spiral, window, side)
+            pixel = self.blocks.pixel(int(seed))
+            self.given.check_film()
+            self._put(pixel, self.given.first, self.given.first + self.sample_count())
+
+        def seek(self, x: int, y: int, sample: int = 0) -> None:
+            columns, rows = self.given.whole()
+            pixel = checks.integer("x", x, 0, columns - 1), checks.integer("y", y, 0, rows - 1)
+            sample = checks.integer("sample", sample, 0, LIMIT - 1)
+            self._put(pixel, sample, max(self.given.first + self.sample_count(), sample + 1))
+
+        def advance(self) -> None:
+            self._start(self.sample + 1, self.end)
+
+        def next_1d(self, active: bool = True) -> float:
+            return self._next()[0]
+
+        def next_2d(self, active: bool = True) -> Any:
+            return mitsuba.Point2f(*self._next())
+
+        def to_string(self) -> str:
+            return describe(self)
+
+        def _threads(self) -> int:
+            # Dr.Jit renders in its threads and in the calling thread.
+            return drjit.thread_count() + 1
+
+        def _start(self, sample: int, end: int) -> None:
+            self.sample, self.end, self.pair = sample, end, 0
+            self.known: dict[int, list[float]] = {}
+
+        def _put(self, pixel: tuple[int, int], sample: int, end: int) -> None:
+            if self.points is None or self.checked != end:
+                origin = *self.given.window()[2:], self.given.first
+                how = {"origin": origin, "count": self.sample_count(), "threads": self._threads()}
+                self.points = self.given.make_once(
+                    self.sample_count(), partial(Points, key=self.given.key, **how)
+                )
+                self.points.sampler.check(*self.given.whole(), end)
+                self.checked = end
+            self.pixel = pixel
+            self._start(sample, end)
+
+        def _next(self) -> tuple[float, float]:
+            """Consume a pair of coordinates: this keeps pairs together, in which most samplers are best."""
+            if self.points is None:
+                raise ValueError("seed or seek must set the pixels before coordinates are requested")
+            if self.sample >= self.end:
+                raise ValueError(
+                    f"sample_count must be the number of samples taken, got {self.sample_count()}"
+                )
+            group, number = self.points.place(self.pair)
+            self.pair += 1
+            if group not in self.known:
+                self.known[group] = self.points.tables(group)(*self.pixel, self.sample)
+            point = self.known[group]
+            return point[2 * number], point[2 * number + 1]
+
+    return ScalarSampler

@@ -1,6 +1,5 @@
 """Samplers in loaded scenes, for any sensor."""
 
-from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -53,8 +52,8 @@ def render(
     >>> owen = samplers.independent(sequences.sobol(8), key=1)
     >>> image = render("scene.xml", owen, spp=16)  # doctest: +SKIP
     """
-    mitsuba, scene = load_scene(scene)
-    own = sensor_of(scene, sensor).sampler().sample_count()
+    mitsuba, scene = _load_scene(scene)
+    own = _sensor_of(scene, sensor).sampler().sample_count()
     spp = checks.integer("spp", own if spp is None else spp, 1, LIMIT)
     seed = checks.integer("seed", seed, 0, LIMIT)
     # Scalar variants derive seeds of pixels from it: theirs must be 0.
@@ -105,8 +104,8 @@ def sensor_with(
     >>> sensor = sensor_with(scene, sampler)  # doctest: +SKIP
     >>> images = [mitsuba.render(scene, sensor=sensor, spp=16, seed=k) for k in (0, 1)]  # doctest: +SKIP
     """
-    mitsuba, scene = load_scene(scene)
-    own = sensor_of(scene, sensor)
+    mitsuba, scene = _load_scene(scene)
+    own = _sensor_of(scene, sensor)
     if film is not None and not isinstance(film, mitsuba.Film):
         raise TypeError(f"film must be a film of the current variant, got {checks.shown(film)}")
     film = own.film() if film is None else film
@@ -116,10 +115,10 @@ def sensor_with(
         plug_in["first_sample"] = checks.integer("first_sample", first_sample, 0, LIMIT)
         register()
         sampler = mitsuba.load_dict(plug_in | {"sample_count": own.sampler().sample_count()})
-    return delegate(mitsuba, own, film, sampler)
+    return _delegate(mitsuba, own, film, sampler)
 
 
-def load_scene(scene: Any) -> tuple[Any, Any]:
+def _load_scene(scene: Any) -> tuple[Any, Any]:
     """Return Mitsuba, and a scene of its current variant."""
     mitsuba = import_mitsuba()
     if mitsuba.variant() is None:
@@ -138,17 +137,15 @@ def load_scene(scene: Any) -> tuple[Any, Any]:
     return mitsuba, scene
 
 
-def sensor_of(scene: Any, number: Any) -> Any:
+def _sensor_of(scene: Any, number: Any) -> Any:
     sensors = scene.sensors()
     if not sensors:
         raise ValueError("scene must have a sensor, got one without")
     return sensors[checks.integer("sensor", number, 0, len(sensors) - 1)]
 
 
-def delegate(
-    mitsuba: Any, sensor: Any, film: Any, sampler: Any, moved: Callable[[Any], Any] = lambda given: given
-) -> Any:
-    """Return a sensor that requests rays from another one, optionally at moved positions on its film."""
+def _delegate(mitsuba: Any, sensor: Any, film: Any, sampler: Any) -> Any:
+    """Return a sensor that requests rays from another one."""
 
     class Delegate(mitsuba.Sensor):
         def __init__(self, properties: Any) -> None:
@@ -156,11 +153,11 @@ def delegate(
             self.m_needs_sample_2 = sensor.needs_sample_2()
             self.m_needs_sample_3 = sensor.needs_sample_3()
 
-        def sample_ray(self, time: Any, wavelength: Any, position: Any, *rest: Any) -> Any:
-            return sensor.sample_ray(time, wavelength, moved(position), *rest)
+        def sample_ray(self, *arguments: Any) -> Any:
+            return sensor.sample_ray(*arguments)
 
-        def sample_ray_differential(self, time: Any, wavelength: Any, position: Any, *rest: Any) -> Any:
-            return sensor.sample_ray_differential(time, wavelength, moved(position), *rest)
+        def sample_ray_differential(self, *arguments: Any) -> Any:
+            return sensor.sample_ray_differential(*arguments)
 
         def sample_direction(self, *arguments: Any) -> Any:
             return sensor.sample_direction(*arguments)

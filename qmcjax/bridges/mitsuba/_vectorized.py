@@ -118,7 +118,7 @@ def vectorized(mitsuba: ModuleType) -> type:
         def seed(self, seed: Any, wavefront_size: int = LIMIT) -> None:
             super().seed(seed, wavefront_size)
             window, count = self.given.window(), self.sample_count()
-            per_pixel, rest = divmod(wavefront_size, len(window))
+            per_pixel, rest = divmod(wavefront_size, window.width * window.height)
             if rest or not per_pixel or count % per_pixel:
                 # After an image Mitsuba seeds samplers for one sample, to free memory: this is an error only
                 # if coordinates are requested.

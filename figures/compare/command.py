@@ -12,17 +12,15 @@ from tqdm import tqdm
 
 import analysis
 from figures._options import command, count
-from figures.compare import mitsuba_tasks, report, samplers
+from figures.compare import report, samplers
 from figures.compare.entries import Entry, NotSupportedError, available, of_program
 from figures.compare.measuring import Run
 from figures.compare.scores import BASE
 from figures.compare.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size, reference
-from figures.making import store, web_images
-from figures.shared.mitsuba_runs import mitsuba_scenes
+from figures.making import store
 from figures.shared.rivals import RIVALS
 
 AGAINST = ("owen", "dither", "z", "hilbert")
-WITH_MITSUBA = ("mitsuba-independent", "mitsuba-multijitter", "owen", "z", "hilbert")
 """Compared with entries if no others are named."""
 
 WHERE = ("checkerboard", "disc", "soft-shadow", "ball")
@@ -32,7 +30,7 @@ ALL = "all"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Compare entries, and write table, scores, summaries and page.
+    """Compare entries, and write table, scores, summary and picture.
 
     The exit status is 1 if an entry failed or breaks a promise, and 130 after Ctrl-C.
     """
@@ -47,20 +45,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with tqdm(total=run.steps(), disable=None) as bar:
             run.measure(given.out, bar.update)
-            for path in given.mitsuba:
-                mitsuba_tasks.render(run, path, given.out)
-                bar.update()
     except KeyboardInterrupt:
         print(f"interrupted: the same command goes on with what is in {given.out}", file=sys.stderr)
         return 130
-    page = report.write(run, given.out)
+    path = report.write(run, given.out)
     broken = {name: sentences for name, sentences in run.promises.items() if sentences}
     for name, sentences in broken.items():
         text = "\n  ".join([f"{name} breaks {len(sentences)} of a sampler's promises:", *sentences])
         print(text, file=sys.stderr)
     for name, why in run.failed.items():
         print(f"{name}: {why}", file=sys.stderr)
-    print(report.text(run), page, sep="\n")
+    print(report.text(run), path, sep="\n")
     return 1 if broken or run.failed else 0
 
 
@@ -68,45 +63,36 @@ def _plan(argv: Sequence[str], given: argparse.Namespace) -> Run:
     """Return what is to be measured, or raise an error of wrong usage."""
     ground, size = _ground(given), Size(given.size, tuple(given.spp), given.keys)
     focus = [*map(samplers.parse, given.entries), *map(of_program, given.program)]
-    others = map(samplers.parse, given.against or (WITH_MITSUBA if given.mitsuba else AGAINST))
+    others = map(samplers.parse, given.against or AGAINST)
     by_text = {entry.text: entry for entry in (samplers.parse(BASE), *focus, *others)}
     entries = {entry.name: entry for entry in _different_names(by_text.values())}
     names = [name for name, entry in entries.items() if entry.text in {each.text for each in focus}]
     promises = {name: _broken(entries[name], size, ground) for name in names if entries[name].make}
-    run = Run(shlex.join(["qmcjax", "compare", *argv]), size, ground, given.mitsuba, entries, names, promises)
+    run = Run(shlex.join(["qmcjax", "compare", *argv]), size, ground, entries, names, promises)
     run.references |= {name: reference(name, given.size, given.size) for name in ground.scenes}
     return run
 
 
 def _ground(given: argparse.Namespace) -> Ground:
-    names = given.scenes or (WHERE if given.integrands is None and not given.mitsuba else ())
+    names = given.scenes or (WHERE if given.integrands is None else ())
     scenes = SCORED if ALL in names else tuple(dict.fromkeys(names))
     if given.size < 32:  # Below, there are no low frequencies.
         raise ValueError(f"--size must be at least 32, got {given.size}")
     for name in scenes:
         if SCENES[name][0] == TRACED and REFERENCE % given.size:
             raise ValueError(f"--size must divide {REFERENCE} for the reference of {name}, got {given.size}")
-    if given.mitsuba and not mitsuba_scenes.installed():
-        raise ValueError("--mitsuba needs Mitsuba 3: pip install 'qmcjax[mitsuba]'")
-    for path in given.mitsuba:
-        if not path.is_file():
-            raise ValueError(f"--mitsuba must name files, got {str(path)!r}")
-    slugs = [web_images.slug(each) for each in (*scenes, *(path.stem for path in given.mitsuba))]
-    if len(set(slugs)) < len(slugs):
-        files = ", ".join(map(str, given.mitsuba))
-        raise ValueError(f"--mitsuba must name files of different names, got {files}")
     return Ground(scenes, given.integrands is not None, given.integrands or 0)
 
 
 def _different_names(entries: Iterable[Entry]) -> list[Entry]:
-    """Return entries with names that have files of their own on any system; only the user's change."""
+    """Return entries with names of their own; only the user's change."""
     entries = list(entries)
-    files, renamed = {entry.name for entry in entries if entry.text == entry.name}, []
+    taken, renamed = {entry.name for entry in entries if entry.text == entry.name}, []
     for entry in entries:
         names = itertools.chain([entry.name], (f"{entry.name} {k}" for k in itertools.count(2)))
-        free = (name for name in names if web_images.slug(name) not in files)
+        free = (name for name in names if name not in taken)
         renamed.append(entry if entry.text == entry.name else replace(entry, name=next(free)))
-        files.add(web_images.slug(renamed[-1].name))
+        taken.add(renamed[-1].name)
     return renamed
 
 
@@ -123,7 +109,7 @@ def _broken(entry: Entry, size: Size, ground: Ground) -> list[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = command(
         "compare",
-        "Compare samplers and sequences, yours and those of others: one page, one CSV file, one table.",
+        "Compare samplers and sequences, yours and those of others: one table, one picture, one CSV file.",
         f"""\
 An entry is module:name, a sampler, a sequence, or a function that makes one from those of \
 {", ".join(samplers.PARAMETERS)} and {samplers.FRAMES} that it has as parameters; the module is looked for \
@@ -139,7 +125,6 @@ An interrupted run goes on where it was: what is finished stays in the output fo
 examples:
   qmcjax compare my_module:mine --against owen z hilbert --spp 1,4,16,64
   qmcjax compare points.npy --against owen scipy-sobol --scenes all --integrands --size 64 --keys 16
-  qmcjax compare my_module:mine --mitsuba scene.xml --against owen z mitsuba-independent
 """,
     )
     add = parser.add_argument
@@ -147,7 +132,7 @@ examples:
     add("--program", action="append", default=[], metavar="COMMAND", help="a program as an entry")
     default = f"the others, beside random (default: {' '.join(AGAINST)})"
     add("--against", nargs="+", metavar="ENTRY", help=default)
-    where = f"(default, but with --integrands and --mitsuba: {' '.join(WHERE)})"
+    where = f"(default, but with --integrands: {' '.join(WHERE)})"
     add("--scenes", nargs="+", choices=[*SCENES, ALL], metavar="NAME", help=where)
     add(
         "--integrands",
@@ -157,7 +142,6 @@ examples:
         metavar="SEED",
         help="integrands of five classes in 2, 4 and 8 dimensions; a seed draws others than the public ones",
     )
-    add("--mitsuba", nargs="+", type=Path, default=[], metavar="FILE", help="scenes of Mitsuba 3 in XML")
     add("--spp", type=_counts, default=[1, 4, 16, 64], metavar="N,N,...", help="samples per pixel")
     add("--size", type=count, default=128, metavar="N", help="side of images (default: 128)")
     add(

@@ -51,11 +51,6 @@ TEXT = re.compile(rb"[0-9eE+\-.,\s]*")
 
 NAMES = ("width", "height", "spp", "dims", "seed")
 
-MITSUBA = "mitsuba-"
-"""The prefix of names of Mitsuba's samplers."""
-
-MITSUBAS = ("independent", "stratified", "multijitter", "orthogonal", "ldsampler")
-
 SCIPYS = {"scipy-sobol": "Sobol", "scipy-halton": "Halton", "scipy-latin": "LatinHypercube"}
 
 QMCPYS = {
@@ -171,8 +166,6 @@ def available() -> dict[str, Callable[[], Entry]]:
     for name, how in QMCPYS.items():
         known[name] = "qmcpy", ", ".join(how), partial(_qmcpy, *how)
     known["torch-sobol"] = "torch", "SobolEngine, scrambled", _torch
-    for name in MITSUBAS:
-        known[MITSUBA + name] = "mitsuba", name, partial(_mitsuba, name)
     return {name: partial(_of_project, name, *of) for name, of in known.items() if find_spec(of[0])}
 
 
@@ -186,7 +179,7 @@ def _of_project(name: str, package: str, what: str, pixels: Pixels) -> Entry:
             of_pixels = np.asarray(pixels(width * height, spp, dims, key), np.float32)
         return np.minimum(of_pixels, np.float32(1 - 2**-24)).reshape(height, width, spp, dims)
 
-    return Entry(name, name, f"{package} {version}: {what}", version, points, name.startswith(MITSUBA))
+    return Entry(name, name, f"{package} {version}: {what}", version, points, False)
 
 
 def _scipy(engine: str, pixels: int, spp: int, dims: int, key: int) -> Any:
@@ -208,18 +201,3 @@ def _torch(pixels: int, spp: int, dims: int, key: int) -> Any:
     seeds = range(key * pixels, (key + 1) * pixels)
     engine = partial(torch.quasirandom.SobolEngine, dims, scramble=True)
     return [engine(seed=seed).draw(spp).numpy() for seed in seeds]
-
-
-def _mitsuba(name: str, pixels: int, spp: int, dims: int, key: int) -> Any:
-    """Record a sampler as integrators call it: the samples of a pixel are neighbours in a wavefront."""
-    import mitsuba  # pyright: ignore[reportMissingImports]
-
-    mi: Any = mitsuba
-    mi.set_variant("llvm_ad_rgb")
-    sampler = mi.load_dict({"type": name, "sample_count": spp})
-    if sampler.sample_count() != spp:
-        raise NotSupportedError(f"spp must be a number that it takes, got {spp}: {sampler.sample_count()}")
-    sampler.set_samples_per_wavefront(spp)
-    sampler.seed(key, pixels * spp)
-    pairs = [sampler.next_2d() for _ in range(dims // 2)]
-    return np.stack([np.array(axis) for pair in pairs for axis in (pair.x, pair.y)], axis=-1)

@@ -45,10 +45,9 @@ FILTER_IN_TIME = analysis.moving_average(0.1)
 
 
 def image_errors(entry: Entry, dims: int, spp: int, size: Size, ground: Ground) -> dict[str, NDArray]:
-    """Return the values of `MEASURES`, shape (tasks, measures, keys); and of scenes, image and spectrum.
+    """Return the values of `MEASURES`, shape (tasks, measures, keys).
 
-    Values are NaN where there are none: of all keys but the first, if these give the same image. Of each
-    scene there are the image with the first key, and the mean power of the errors over frequencies.
+    They are NaN where there are none: of all keys but the first, if these give the same image.
     """
     side = size.side if entry.image else REPLICATES
     tasks = ground.tasks(dims, spp, entry.image)
@@ -56,7 +55,7 @@ def image_errors(entry: Entry, dims: int, spp: int, size: Size, ground: Ground) 
         ground.images(entry.points(side, side, spp, dims, key), entry.image) for key in range(size.keys)
     ]
     arrays = {"values": np.full((len(tasks), len(MEASURES), size.keys), np.nan)}
-    for place, (task, of_keys) in enumerate(zip(tasks, zip(*images, strict=True), strict=True)):
+    for place, of_keys in enumerate(zip(*images, strict=True)):
         if not entry.image:
             arrays["values"][place, 0] = [rms(image - reference) for image, reference in of_keys]
             continue
@@ -64,8 +63,6 @@ def image_errors(entry: Entry, dims: int, spp: int, size: Size, ground: Ground) 
         row = ComparisonRow.of_images("", "", spp, images_of, references[0], 0.0)
         for column, measure in enumerate(MEASURES.values()):
             arrays["values"][place, column, : len(row.values[measure])] = row.values[measure]
-        if task.name in ground.scenes:
-            arrays |= {task.name: row.image, f"{task.name}, power": row.power}
     return arrays
 
 
@@ -142,8 +139,6 @@ class Run:
     command: str
     size: Size
     ground: Ground
-    files: Sequence[Path]
-    """Scenes of Mitsuba."""
     entries: Mapping[str, Entry]
     focus: Sequence[str]
     """Names of the entries that are compared with the others."""
@@ -155,13 +150,12 @@ class Run:
     missing: dict[tuple[str, str], list[str]] = field(default_factory=dict)
     """Cells that were left out, by entry and reason."""
     failed: dict[str, str] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
 
     def about(self) -> str:
         """Return what is measured, in words."""
         side, spps, keys = self.size
         kind = f"held-out integrands of seed {self.ground.seed}" if self.ground.seed else "public integrands"
-        tasks = [*self.ground.integrands * [kind], *self.ground.scenes, *(path.stem for path in self.files)]
+        tasks = [*self.ground.integrands * [kind], *self.ground.scenes]
         counts = ", ".join(map(str, spps))
         return f"{side} x {side} pixels, {counts} samples, {quantity(keys, 'key')}, {', '.join(tasks)}"
 
@@ -177,7 +171,7 @@ class Run:
     def steps(self) -> int:
         """Return how often :meth:`measure` calls ``progress``."""
         cells = 1 + len(self.ground.dims()) * (2 * len(self.size.spps) + self.ground.integrands)
-        return cells * len(self.entries) + len(self.files)
+        return cells * len(self.entries)
 
     def _entry(self, entry: Entry, progress: Callable[[], Any]) -> Measured:
         size, ground, measured = self.size, self.ground, Measured()
@@ -214,15 +208,14 @@ class Run:
         return measured
 
     def _add(self, measured: Measured, arrays: NDArray, entry: Entry, dims: int, spp: int) -> None:
-        """Add images of entries: to scenes belong rows, with the image and the spectrum of its error."""
-        side = self.size.side
+        """Add the errors of an entry; to scenes belong rows."""
         for task, values in zip(self.ground.tasks(dims, spp, entry.image), arrays["values"], strict=True):
             errors = {name: of[~np.isnan(of)] for name, of in zip(MEASURES, values, strict=True)}
             if task.name in self.ground.scenes:
-                power, frequency = arrays[f"{task.name}, power"], np.arange(1, 1 + side // 2) / side
                 named = {MEASURES[measure]: tuple(of) for measure, of in errors.items()}
-                place, image = (task.name, entry.name, spp), arrays[task.name]
-                measured.add(task, ComparisonRow(*place, named, 0.0, frequency, power, image))
+                none = np.zeros(0)
+                row = ComparisonRow(task.name, entry.name, spp, named, 0.0, none, none, none)
+                measured.add(task, row)
             else:
                 measured.errors[task] = {name: of for name, of in errors.items() if len(of)}
 

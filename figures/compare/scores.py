@@ -36,16 +36,10 @@ PREFIX = "rms_prefix"
 IN_TIME = "in_time"
 """The error of animations with one sample per pixel and frame, filtered in space and time."""
 
-EQUAL_TIME = {
-    f"{measure}_equal_time": f"{MEASURES[measure]} at equal time" for measure in ("rms", "filtered")
-}
-"""Measures of images by Mitsuba, as `MEASURES`."""
-
 NAMES = {
     **MEASURES,
     PREFIX: "RMS error of prefixes",
     IN_TIME: "error of frames filtered in space and time",
-    **EQUAL_TIME,
 }
 """All measures in words; those of images as rows of comparisons name them."""
 
@@ -148,7 +142,6 @@ def rows(found: Mapping[str, Measured]) -> list[dict[str, Any]]:
     """Return the rows of the table, all with the same columns; empty text where nothing was measured."""
     filled = []
     for entry, of in found.items():
-        seconds = {(row.scene, row.spp): row.seconds for row in of.rows if row.seconds}
         for task, errors in of.errors.items():
             row = _head(entry, task.dims, task.of, task.name, task.spp, task.samples)
             row["keys"] = max(map(len, errors.values()))
@@ -156,13 +149,13 @@ def rows(found: Mapping[str, Measured]) -> list[dict[str, Any]]:
                 with np.errstate(divide="ignore"):
                     score = Score.of(np.log(values))
                 row |= dict(zip((measure, f"{measure}_low", f"{measure}_high"), score, strict=True))
-            filled.append(row | {"seconds": seconds.get((task.name, task.spp), "")})
+            filled.append(row)
         for (dims, spp), sets in of.sets.items():
             filled.append(_head(entry, dims, "points", "pixel", spp, spp) | sets)
         if math.isfinite(of.seconds):
             filled.append(_head(entry, "", "points", "time", "", "") | {"seconds_per_million": of.seconds})
-    errors = [f"{name}{end}" for name in (*MEASURES, IN_TIME, *EQUAL_TIME) for end in ("", "_low", "_high")]
-    names = (*_head(*[""] * 6), *errors, *SETS, *ON_SCREEN, "seconds", "seconds_per_million")
+    errors = [f"{name}{end}" for name in (*MEASURES, IN_TIME) for end in ("", "_low", "_high")]
+    names = (*_head(*[""] * 6), *errors, *SETS, *ON_SCREEN, "seconds_per_million")
     return [{name: row.get(name, "") for name in names} for row in filled]
 
 

@@ -37,8 +37,8 @@ WIDTH, AMPLITUDE = 3.0, 0.8
 
 DIMS = (2, 4, 8)
 
-EXACT, TRACED, OF_MITSUBA = SCENE_CLASSES = "exact scenes", "traced scenes", "scenes of Mitsuba"
-"""Classes of scenes: with a closed form, with a stored reference, whose side is `REFERENCE`, and files."""
+EXACT, TRACED = "exact scenes", "traced scenes"
+"""Classes of scenes: with a closed form, with a stored reference, whose side is `REFERENCE`."""
 
 REFERENCE = 256
 

@@ -2,8 +2,6 @@
 
 from figures._markup import Markup as Markup
 from figures._markup import fill as fill
-from figures._markup import join as join
-from figures.page._figures import viewer as viewer
 from figures.page._html import href as href
 from figures.page._html import quantity as quantity
 from figures.page._html import static as static

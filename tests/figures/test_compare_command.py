@@ -12,21 +12,16 @@ from pathlib import Path
 
 import jax
 import numpy as np
-import playgrounds
 import pytest
 
-from analysis import ComparisonRow
 from figures import _cpp, ledger, plot
 from figures.__main__ import main
 from figures.compare import command, entries, measuring, pictures, report, scores, tasks
 from figures.compare.entries import NotSupportedError, of_program, read
 from figures.compare.measuring import frame_errors
-from figures.compare.mitsuba_tasks import at_equal_time
 from figures.compare.samplers import parse
 from figures.compare.scores import Measured, Score
 from figures.compare.tasks import Ground, Size
-from figures.making import web_images
-from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.rivals import RIVALS
 from qmcjax import samplers, sequences
 from qmcjax.core import packages
@@ -212,15 +207,10 @@ def test_what_is_not_supported_is_no_failure(folder):
         (["--size", "16"], "must be at least 32"),
         (["--keys", "0"], "must be an integer of at least 1"),
         (["--scenes", "helicopter", "--size", "96"], "--size must divide 256"),
-        (["--mitsuba", "nowhere.xml"], "--mitsuba (must name files, got 'nowhere.xml'|needs Mitsuba)"),
-        (["--mitsuba", "a/x.xml", "b/x.xml"], "--mitsuba (must name files of different names|needs Mitsuba)"),
     ],
 )
 def test_wrong_usage(folder, capsys, words, message):
     np.save("outside.npy", np.array([[0.5, 0.5], [1.5, 0.5]]))
-    for name in ("a", "b"):
-        Path(name).mkdir()
-        Path(name, "x.xml").write_text(SCENE, encoding="utf-8")
     with pytest.raises(SystemExit, match="2"):
         main(["compare", *words])
     err = " ".join(capsys.readouterr().err.split())
@@ -228,14 +218,11 @@ def test_wrong_usage(folder, capsys, words, message):
     assert not Path("out").exists()
 
 
-def test_names_that_differ_only_by_case_or_signs():
-    """Entries of the user have names whose files are their own on any system; those of others keep theirs."""
-    names = ["owen", "Owen", "own_points", "Own-Points", "own_points", "OWEN"]
-    given = [replace(parse("owen"), name=name, text=f"{k}.npy") for k, name in enumerate(names)]
+def test_entries_have_names_of_their_own():
+    """Those of others keep theirs."""
+    given = [replace(parse("owen"), name=name, text=f"{k}.npy") for k, name in enumerate(["owen", "a", "a"])]
     named = [entry.name for entry in command._different_names([*given, parse("owen")])]
-    assert named == ["owen 2", "Owen 3", "own_points", "Own-Points 2", "own_points 3", "OWEN 4", "owen"]
-    images, _ = web_images.encode({f"{name}, 4 spp": np.zeros((4, 4)) for name in ("reference", *named)})
-    assert len({name.lower() for name in images}) == 1 + 3 * len(named)
+    assert named == ["owen 2", "a", "a 2", "owen"]
 
 
 @pytest.mark.slow
@@ -265,12 +252,12 @@ def test_an_interrupted_run_goes_on(folder, monkeypatch, capsys):
 
 @pytest.mark.slow
 def test_files_of_a_comparison(folder, monkeypatch, capsys):
-    """All files that the page names; a row for each task; scores of a copy: 1; summaries; a playground."""
+    """A row for each task; scores of a copy: 1; a summary; a picture."""
     monkeypatch.setattr(tasks, "DIMS", (2, 4))
     words = "compare my_samplers:copy my_points.npy --against scipy-halton --integrands".split()
     assert main([*words, *SMALL, "ball"]) == 0
-    *said, page = capsys.readouterr().out.splitlines()
-    assert page == "out/compare/index.html" and sum(line.startswith("disc") for line in said) == 2 * 4
+    *said, path = capsys.readouterr().out.splitlines()
+    assert path == "out/compare/compare.md" and sum(line.startswith("disc") for line in said) == 2 * 4
     assert "left out: my_points, ball at 1, 4 spp: it has 2 dimensions, not 4" in said
     out, rows = Path("out/compare"), table()
     assert list(rows[0])[:8] == ["format", "entry", "dims", "class", "task", "spp", "samples", "keys"]
@@ -291,35 +278,20 @@ def test_files_of_a_comparison(folder, monkeypatch, capsys):
     assert all(values[0] == 1 for measures in kept["copy"]["scores"].values() for values in measures.values())
     assert kept["my_points"]["scores"]["boxes, 2-D"]["rms"][0] != 1
     assert kept["my_points"]["left out"][0].startswith("4-D, 1 samples, points in 4-D")
-    lines = [line.strip("|\n").split("|") for line in (out / "compare.md").read_text().splitlines()]
+    summary = (out / "compare.md").read_text()
+    lines = [line.strip("|").split("|") for line in summary.splitlines() if line.startswith("|")]
     assert len({len(line) for line in lines}) == 1
     assert [line[0].strip() for line in lines[2:]] == list(images)
-    tex = (out / "compare.tex").read_text().splitlines()
-    assert all(line.count("&") - 2 * line.count(r"\&") == len(lines[0]) - 1 for line in tex if "&" in line)
-    assert tex[0] == r"\begin{tabular}{l" + "r" * (len(lines[0]) - 1) + "}" and tex[-1] == r"\end{tabular}"
-    page = (out / "index.html").read_text(encoding="utf-8")
-    assert "copy, my_points, compared" in page and "--size 32" in page and "Kept by copy, my_points." in page
-    assert "4-D, 4 samples" in page and "it has 2 dimensions, not 4" in page
-    named = re.findall(r'(?:src|href)="([^"#][^"]*)"', page)
-    viewers = [json.loads(text) for text in re.findall(r'application/json">(.*?)</script>', page)]
-    placed = {"reference", "random", "copy", "my_points"}
-    assert [{item["name"] for item in each["items"]} for each in viewers] == [placed, placed - {"my_points"}]
-    for scene, each in zip(("disc", "ball"), viewers, strict=True):
-        named += [f"{scene}.{item['file']}" for item in each["items"]]
-    assert all((out / name).is_file() for name in named if not name.startswith("data:"))
-    assert "2-d.errors.svg" in named
-    picture = (out / "2-d.errors.svg").read_text()
+    assert summary.startswith("# copy, my_points, compared\n") and "--size 32" in summary
+    assert "it has 2 dimensions, not 4" in summary and "Broken" not in summary
+    picture = (out / "compare.svg").read_text()
     assert {"copy", "scipy-halton", "samples per pixel"} <= set(re.findall(r">([^<>]*)</text>", picture))
-    data = playgrounds.unpacked((out / "playground-data.js").read_text())
-    dims = {each["name"]: each["dims"] for each in data["samplers"]}
-    assert dims == {"copy": 3, "my_points": 2, "random": 3}
-    assert (data["side"], data["counts"], data["keys"]) == (32, [1, 4], [0, 1, 2, 3])
-    assert data["start"] == {"left": "copy", "right": "random", "spp": 4}
-    assert "Not in the playground: scipy-halton" in page
+    for family in ("2-D", "4-D", "exact scenes"):
+        assert f"{family}, RMS error, 4" in picture
 
 
-def test_samplers_that_break_promises_or_raise_end_in_a_page(folder, capsys):
-    """Promises come first; what raises is left out; errors have a digit more than two share."""
+def test_samplers_that_break_promises_or_raise_end_in_a_summary(folder, capsys):
+    """What is broken is listed, and what raises is left out."""
     assert main(["compare", "my_samplers:broken", "my_samplers:raises", *SMALL, "--against", "random"]) == 1
     err = capsys.readouterr().err
     assert "broken breaks 3 of a sampler's promises" in err
@@ -327,22 +299,14 @@ def test_samplers_that_break_promises_or_raise_end_in_a_page(folder, capsys):
     assert "coordinate 1 is not uniform: it is 0.25 in all points" in err
     assert "a call with arrays of pixels and samples fails: ZeroDivisionError" in err
     assert "raises: 2-D, 1 samples: ZeroDivisionError: division by zero" in err
-    page = Path("out/compare/index.html").read_text(encoding="utf-8")
-    assert page.index("are the same point") < page.index('id="summary"')
-    # It has no key, so that nothing is certain of it.
-    assert len(re.findall(r"<b>broken</b></td>\s<td>\d \(1–2\), .*\s.*\(1–2\)", page)) == 3
-    assert "raises failed. 2-D, 1 samples: ZeroDivisionError: division by zero." in page
-    assert "Not in the playground: raises, since division by zero." in page
-    data = playgrounds.unpacked(Path("out/compare/playground-data.js").read_text())
-    assert [each["name"] for each in data["samplers"]] == ["random", "broken"]
-    assert data["start"] == {"right": "random", "left": "broken", "spp": 4}
-    errors = [float(row["rms"]) for row in table() if row["rms"]]
-    assert len(errors) == 4 and all(f", {error:.4g}</td>" in page for error in errors)
+    summary = Path("out/compare/compare.md").read_text(encoding="utf-8")
+    assert "- broken: samples 0 and 1 of pixel (0, 0) are the same point" in summary
+    assert "- raises failed. 2-D, 1 samples: ZeroDivisionError: division by zero." in summary
+    assert len([row for row in table() if row["rms"]]) == 4
 
 
-def test_latex_and_markdown_escape_names():
+def test_markdown_escapes_names():
     heads, rows = ["entry", "2-D"], [["a_b|c & d%", "–"]]
-    assert report.latex(heads, rows).splitlines()[4] == r"a\_b|c \& d\% & -- \\"
     assert report.markdown(heads, rows).splitlines()[2] == "| a_b\\|c & d% | – |"
 
 
@@ -422,7 +386,7 @@ def test_a_title_names_what_is_not_told_apart():
     assert pictures.title("2-D", of) == "2-D, 4 samples\nleast with a, b (0.5)"
     # Without the first number of samples, with an error of 0, and with no error at all.
     of = {"rms": {"a": {4: of["a"][4]}, "b": {4: Score(0.0, 0.0, np.inf)}}, "filtered": {}}
-    assert b"least with b, a (0)" in pictures.errors("2-D", of, ["a", "b"], [1, 4])
+    assert b"least with b, a (0)" in pictures.errors({"2-D": of}, ["a", "b"], [1, 4])
     names = [f"entry {k}" for k in range(15)]
     assert len({plot.style(name, names) for name in names}) == len(names)
 
@@ -433,76 +397,3 @@ def test_traced_scenes_have_values_of_the_reference():
         world = tasks.scene(name)
         points = jax.ShapeDtypeStruct((32, 32, len(world.needs)), np.float32)
         assert jax.eval_shape(tasks._values, world, points).shape == tasks.reference(name, 32, 32).shape
-
-
-def row_of(name, spp, seconds, errors):
-    values = {measure: tuple(errors) for measure in ("RMS error", "filtered error")}
-    none = np.zeros(0)
-    return ComparisonRow("scene", name, spp, values, seconds, none, none, np.zeros((2, 2), np.float32))
-
-
-def test_errors_at_equal_time():
-    """Power laws are exact between and beyond numbers of samples; the first of Mitsuba's keeps its errors."""
-    theirs = [row_of("mitsuba-independent", n, 1.0 * n, [n**-0.5, 3 * n**-0.5]) for n in (1, 4, 16)]
-    # Each image takes twice as long, and its error is 1 / n of twice as many.
-    ours = [row_of("ours", n, 2.0 * n, [1 / n, 5 / n]) for n in (1, 4, 16)]
-    once = [row_of("once", 4, 16.0, [0.5, 0.7])]
-    rows = at_equal_time([*ours, *theirs, *once])
-    for row, own in zip(rows[:3], ours, strict=True):
-        assert np.allclose(row.values["RMS error at equal time"], 2 * np.array(own.values["RMS error"]))
-    for row in rows[3:6]:
-        assert np.allclose(row.values["filtered error at equal time"], row.values["filtered error"])
-    assert np.allclose(rows[6].values["RMS error at equal time"], [1.0, 1.4])
-    assert at_equal_time([*ours, *once]) == [*ours, *once]
-    # Nearly fixed times say nothing about errors in half the time: no power of 100.
-    fixed = [row_of("fixed", n, 2.0 + 1e-3 * n, [1 / n, 0.0]) for n in (1, 4)]
-    rows = at_equal_time([*theirs[:2], *fixed])
-    assert np.allclose(rows[2].values["RMS error at equal time"], [2.001**1.5, 0.0])
-    slower = [row_of("slower", n, 8.0 / n, [1 / n, 1 / n]) for n in (1, 4)]
-    assert at_equal_time([*theirs[:2], *slower])[2].values["RMS error at equal time"] == (0.25, 0.25)
-
-
-SCENE = """
-<scene version="3.0.0">
-    <integrator type="path"><integer name="max_depth" value="3"/></integrator>
-    <sensor type="perspective">
-        <transform name="to_world"><lookat origin="0, 1, 4" target="0, 0, 0" up="0, 1, 0"/></transform>
-        <film type="hdrfilm">
-            <integer name="width" value="400"/><integer name="height" value="300"/>
-            <integer name="crop_width" value="200"/><integer name="crop_offset_x" value="100"/>
-        </film>
-    </sensor>
-    <shape type="sphere"/>
-    <shape type="rectangle">
-        <transform name="to_world"><rotate x="1" angle="-90"/><translate y="-1"/></transform>
-    </shape>
-    <emitter type="constant"/>
-</scene>
-"""
-
-
-@pytest.mark.skipif(not mitsuba_scenes.installed(), reason="Mitsuba is not installed")
-@pytest.mark.slow
-def test_scenes_of_mitsuba(folder, capsys):
-    """Images of a crop window's aspect; the reference is kept, and taken by the next comparison."""
-    Path("ball.xml").write_text(SCENE, encoding="utf-8")
-    first = "compare my_samplers:owen --mitsuba ball.xml --spp 1,3,4 --size 48 --keys 4 --against".split()
-    assert main([*first, "mitsuba-independent", "z", "mitsuba-stratified", "scipy-halton"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "out/compare/index.html"
-    page = Path("out/compare/index.html").read_text(encoding="utf-8")
-    assert '"width":32,"height":48' in page
-    assert "RMS error at equal time" in page and "Kept by owen." in page
-    assert "mitsuba-stratified, ball, 3 samples: spp must be a number that it takes, got 3" in page
-    assert "z, ball, 3 samples" in page and "scipy-halton, ball: Mitsuba asks" in page
-    rows = [row for row in table() if row["class"] == tasks.OF_MITSUBA]
-    assert len(rows) == 3 + 3 + 3 + 2 + 2
-    errors = {(row["entry"], row["spp"]): float(row["rms"]) for row in rows}
-    assert errors["owen", "4"] < errors["mitsuba-independent", "4"] < errors["mitsuba-independent", "1"]
-    (kept,) = Path("out/compare").glob("reference-ball-*.npz")
-    with np.load(kept) as state:
-        assert state["done"] == 16
-    # At 4 samples the error of the reference is small beside all others.
-    assert float(re.search(r"([\d.]+) of the least one", page)[1]) < 0.5
-    before = kept.stat().st_mtime_ns
-    assert main([*first, "z"]) == 0
-    assert kept.stat().st_mtime_ns == before and not any(row["rms_equal_time"] for row in table())

@@ -51,7 +51,8 @@ class PlainSampler:
     def __init__(self, sampler: SamplerLike, dtype: DTypeLike = np.float32) -> None:
         self.sampler = as_sampler("sampler", sampler)
         self.dtype = checks.floating(dtype)
-        self._tables = Tables(self.sampler, self.dims, self.sampler.limits, 8, 2**24, self.dtype)
+        self._limits = self.sampler.limits
+        self._tables = Tables(self.sampler, self.dims, self._limits, 8, 2**24, self.dtype)
         self._point: list[float] = []
         self._next = 0
 
@@ -73,11 +74,13 @@ class PlainSampler:
             x, y = pixel
         except (TypeError, ValueError):
             raise TypeError(f"pixel must be column and row, got {checks.shown(pixel)}") from None
-        columns, rows, samples = self.sampler.limits
-        x = checks.integer("pixel", x, 0, columns - 1)
-        y = checks.integer("pixel", y, 0, rows - 1)
-        self._point = self._tables(x, y, checks.integer("sample", sample, 0, samples - 1))
-        self._next = 0
+        columns, rows, samples = self._limits
+        known = type(x) is type(y) is type(sample) is int  # the most usual case, at once
+        if not (known and 0 <= x < columns and 0 <= y < rows and 0 <= sample < samples):
+            x = checks.integer("pixel", x, 0, columns - 1)
+            y = checks.integer("pixel", y, 0, rows - 1)
+            sample = checks.integer("sample", sample, 0, samples - 1)
+        self._point, self._next = self._tables(x, y, sample), 0
 
     def get1d(self) -> float:
         """Return the next coordinate of the sample.

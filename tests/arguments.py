@@ -113,7 +113,6 @@ def right_of_functions():
         "qmcjax.samplers.contiguous.spp": [4], "qmcjax.orders.peano.width": [3, 9],
         "qmcjax.orders.peano.height": [3, 9],
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],
-        "qmcjax.sequences.replace_component.matrices": [np.eye(2, dtype=np.int64)[None]],
         "qmcjax.sequences.permutation_net_in_row.index": [1], "qmcjax.sequences.faure.base": [2, 3],
         "qmcjax.sequences.poisson_disk.sides": [(1, 2)],
         "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]], "qmcjax.sequences.record_net.n": [16],

@@ -109,7 +109,7 @@ SEQUENCES = Table(
         "net_by_net(sobol(3))": lambda: sequences.net_by_net(sequences.sobol(3), 4096, key=7),
         "net_by_net(halton(3))": lambda: sequences.net_by_net(sequences.halton(3), 2000, key=7),
         "net_by_net(faure(3))": lambda: sequences.net_by_net(sequences.faure(3), 2187, key=7),
-        "pmj02(2048)": lambda: sequences.pmj02(2048, key=7, candidates=4),
+        "pmj02(2048)": lambda: sequences.pmj02(2048, key=7),
         "owen(halton(3))": lambda: sequences.owen(sequences.halton(3), key=7),
         "owen_exact(faure(3))": lambda: sequences.owen_exact(sequences.faure(3), key=7),
         "digit_scramble(halton(3))": lambda: sequences.digit_scramble(sequences.halton(3), key=7),

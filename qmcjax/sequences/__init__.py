@@ -26,7 +26,6 @@ from qmcjax.sequences._digital.matrix_files import matrices_text as matrices_tex
 from qmcjax.sequences._digital.matrix_files import read_matrices as read_matrices
 from qmcjax.sequences._digital.prime_digital import faure as faure
 from qmcjax.sequences._digital.prime_digital import quad_optimized as quad_optimized
-from qmcjax.sequences._digital.prime_digital import replace_component as replace_component
 from qmcjax.sequences._digital.sobol_matrix import DirectionNumbers as DirectionNumbers
 from qmcjax.sequences._digital.sobol_matrix import sobol_matrix as sobol_matrix
 from qmcjax.sequences._halton.halton import RadicalInverses as RadicalInverses

@@ -71,7 +71,7 @@ KEYED = {
     "latin_hypercube": lambda key: sequences.latin_hypercube(90, 2, key),
     "net_by_net(digital)": lambda key: sequences.net_by_net(sequences.digital(triangular(key)), 64, key),
     "net_by_net(halton)": lambda key: sequences.net_by_net(sequences.halton(3), 64, key),
-    "pmj02": lambda key: sequences.pmj02(64, key, candidates=4),
+    "pmj02": lambda key: sequences.pmj02(64, key),
     "morton3": lambda key: orders.morton3(64, 64, 4, key).at_frame(3),
     "optimized": lambda key: samplers.optimized(8, 8, 4, key),
     "optimized, joint": lambda key: samplers.optimized(8, 8, 4, key, dims=3),

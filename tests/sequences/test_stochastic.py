@@ -15,10 +15,8 @@ from tables import chi_squared, few, first, is_net, refuses, slow
 
 from analysis import min_distance
 from qmcjax import sequences
-from qmcjax.core.bits import gray_decode, hash_word
-from qmcjax.sequences._scrambling.owen_exact import random_word
+from qmcjax.core.bits import gray_decode
 from qmcjax.sequences._stochastic import blue_noise
-from qmcjax.sequences._stochastic.net_by_net import to_earlier
 from qmcjax.sequences._stochastic.random import permute
 
 
@@ -267,8 +265,8 @@ def test_fewer_points_are_the_first():
         assert all(
             np.array_equal(sequences.net_by_net(sequence, n, key=1).table, table[:n]) for n in (1, 2, 77)
         )
-    table = sequences.pmj02(300, 1, candidates=5).table
-    assert np.array_equal(sequences.pmj02(77, 1, candidates=5).table, table[:77])
+    table = sequences.pmj02(300, 1).table
+    assert np.array_equal(sequences.pmj02(77, 1).table, table[:77])
 
 
 def orders_of_quadrants(points, levels):
@@ -296,55 +294,6 @@ def test_pmj02_are_nets_whose_points_alternate_on_diagonals(levels):
     assert set(orders) == set(product(((0, 1), (1, 0)), repeat=levels))
 
 
-def nearest(place, points):
-    """Return the squared distance of a place to the nearest of some points on the torus."""
-    difference = np.abs(points.astype(np.float64) - place) / 2.0**32
-    return (np.minimum(difference, 1 - difference) ** 2).sum(axis=1).min()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [40, 700])
-def test_each_point_is_the_best_of_its_candidates(n):
-    """All earlier points are looked at, in float64."""
-    sequence, key, candidates = sequences.sobol(3), jax.random.key(4), 7
-    drawn = np.asarray(sequences.net_by_net(sequence, n, key, candidates).table)
-    plain = np.asarray(sequences.net_by_net(sequence, n, key).table)
-    assert np.array_equal(drawn[:, 2], plain[:, 2]) and np.array_equal(drawn[0], plain[0])
-    seeds = jax.random.bits(key, (3, 2), jnp.uint32)
-    seeds = hash_word(seeds[:2, None] + (first(candidates) * np.uint32(0x9E3779B9))[None, :, None])
-    random = np.asarray(random_word(jnp.asarray(first(n))[:, None, None], seeds[None]))
-    steps = np.asarray(to_earlier(sequence.matrices))
-    for i in range(1, n):
-        k = i.bit_length() - 1
-        unit = np.uint32(2 ** (31 - k))
-        earlier = np.array([drawn[i ^ steps[j, k], j] for j in range(2)])
-        start = (earlier ^ unit) & ~(unit - np.uint32(1))
-        places = start[:, None] | (random[i] & (unit - np.uint32(1)))
-        distances = [nearest(place, drawn[:i, :2]) for place in places.T]
-        assert nearest(drawn[i, :2], drawn[:i, :2]) >= max(distances) * (1 - 1e-6)
-        assert drawn[i, :2].tolist() in places.T.tolist()
-    for m in range(1, n.bit_length()):
-        assert is_net(drawn[: 2**m], m)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [16, 64])
-def test_candidates_keep_points_apart(n):
-    """On average. Later points are bound to too small a square."""
-
-    def distances(candidates):
-        draw = jax.jit(jax.vmap(lambda key: sequences.pmj02(n, key, candidates).table))
-        return [nearest_pair(table) for table in np.asarray(draw(KEYS[:300]))]
-
-    plain, best = distances(1), distances(50)
-    error = np.hypot(np.std(plain), np.std(best)) / np.sqrt(300)
-    assert np.mean(best) - np.mean(plain) > 5 * error
-
-
-def nearest_pair(points):
-    return min(nearest(point, np.delete(points, i, axis=0)) ** 0.5 for i, point in enumerate(points))
-
-
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
@@ -354,8 +303,6 @@ def nearest_pair(points):
             ValueError,
             "n must be at most 4012009 in base 2003, got 4194304",
         ),
-        (lambda: sequences.net_by_net(sequences.sobol(1), 4, 0, 2), ValueError, "at least 2 dimensions"),
-        (lambda: sequences.net_by_net(sequences.halton(2), 4, 0, 2), ValueError, "candidates must be 1"),
         (
             lambda: jax.jit(lambda s: sequences.net_by_net(s, 4, 0).table)(sequences.faure(3)),
             ValueError,

@@ -197,7 +197,7 @@ def faure(dims: int, base: int | None = None, modified: int | None = None) -> Pr
     if modified is not None:
         component = checks.integer("modified", modified, 0, dims - 1)
         ones = np.triu(np.ones_like(matrices[0]))
-        matrices = replace_component(matrices, component, ones, base)
+        matrices = renumbered(matrices, component, ones, base)
     if base == 2:
         return digital(packed(matrices))
     return prime_digital(matrices, base)
@@ -210,6 +210,19 @@ def faure_matrices(dims: int, base: int, size: int) -> np.ndarray:
         for i in range(dims)
     ]
     return np.array(entries, np.int64)
+
+
+def renumbered(
+    matrices: NDArray[np.int64], component: int, replacement: NDArray[np.int64], q: int
+) -> NDArray[np.int64]:
+    """Return C_k D with D = C_j^-1 C' for component j: C' replaces C_j (thesis, Theorem 2).
+
+    An upper triangular D renumbers the points among the first q**m, for every m. The printed proof equates
+    the upper left block of a product with the product of the upper left blocks, which holds for such D only.
+    With other D the first q**m points are a net, but fewer may not be.
+    """
+    change = number_theory.product(number_theory.inverse(matrices[component], q), replacement, q)
+    return number_theory.product(matrices, change, q)
 
 
 QUAD_DIMS = 32
@@ -257,61 +270,3 @@ def _quad_matrices() -> NDArray[np.uint8]:
     """Read the matrices, shape (32, 21, 21)."""
     lines = tables.rows("sequences", "quadruples.txt")
     return np.array([[list(row) for row in line] for line in lines], np.uint8)
-
-
-def replace_component(matrices: np.ndarray, component: int, replacement: np.ndarray, q: int) -> np.ndarray:
-    """Replace one matrix of a (0,s)-sequence; all others change with it.
-
-    If C_1, ..., C_s generate a (0,s)-sequence, so do C_1 D, ..., C_s D with D = C_j^-1 C', and C' generates
-    component j. If D is upper triangular, it only renumbers the points among the first q**m, for every m.
-
-    Parameters
-    ----------
-    matrices : integer array, shape (s, m, m)
-        The upper left blocks of C_1, ..., C_s over F_q. They must generate a (0,s)-sequence; this is not
-        checked.
-    component : int
-        The j to replace, in [0, s - 1].
-    replacement : integer array, shape (m, m)
-        The upper left block of C', which generates a (0,1)-sequence.
-    q : int, a prime below 2**16
-
-    Returns
-    -------
-    int64 ndarray, shape (s, m, m), in [0, q)
-        The matrices C_k D; row ``component`` is ``replacement``.
-
-    Notes
-    -----
-    The printed proof equates the upper left block of a product with the product of the upper left blocks,
-    (C D)(m) = C(m) D(m). This holds for upper triangular D. For other D, the returned matrices give a
-    (0,m,s)-net of the first q**m points, but smaller blocks may not be nets.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Theorem 2 and Remark 1.
-
-    Examples
-    --------
-    >>> identity, pascal = [[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[1, 1, 1], [0, 1, 0], [0, 0, 1]]
-    >>> ones = [[1, 1, 1], [0, 1, 1], [0, 0, 1]]
-    >>> replace_component([identity, pascal], 0, ones, q=2)[1]  # Eq. 5.19
-    array([[1, 0, 1],
-           [0, 1, 1],
-           [0, 0, 1]])
-    """
-    q = number_theory.prime("q", q)
-    matrices = checks.known_array("matrices", matrices, np.integer, "integers of shape (s, m, m)")
-    replacement = checks.known_array("replacement", replacement, np.integer, "integers of shape (m, m)")
-    if matrices.ndim != 3 or matrices.shape[1] != matrices.shape[2]:
-        raise ValueError(f"matrices must have shape (s, m, m), got {matrices.shape}")
-    if replacement.shape != matrices.shape[1:]:
-        raise ValueError(f"replacement must have shape {matrices.shape[1:]}, got {replacement.shape}")
-    component = checks.integer("component", component, 0, len(matrices) - 1)
-    for m in range(1, len(replacement) + 1):
-        if number_theory.rank(replacement[:m, :m], q) < m:
-            raise ValueError(f"replacement must generate a (0,1)-sequence, got a singular {m} x {m} part")
-    if (rank := number_theory.rank(matrices[component], q)) < len(replacement):
-        raise ValueError(f"matrices[{component}] must be invertible over F_{q}, got rank {rank}")
-    change = number_theory.product(number_theory.inverse(matrices[component], q), replacement, q)
-    return number_theory.product(matrices, change, q)

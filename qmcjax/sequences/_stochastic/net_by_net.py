@@ -18,7 +18,6 @@ from qmcjax.sequences._digital.prime_digital import PrimeDigital
 from qmcjax.sequences._halton.halton import RadicalInverses
 from qmcjax.sequences._protocol.plug_in import Tabulated
 from qmcjax.sequences._scrambling.owen_exact import node_of, permute, random_word, random_word_of
-from qmcjax.sequences._stochastic.best_candidate import best_candidates
 from qmcjax.sequences._stochastic.random import first_fraction
 
 _DIGIT, _BEHIND = 2**15, 2**15 + 1
@@ -117,12 +116,9 @@ def _earlier(top: Array, shifts: Array, base: int, k: int) -> Array:
 
 MOST_POINTS = 2**24
 MOST_COORDINATES = 2**28
-MOST_CANDIDATES = 1024
 
 
-def net_by_net(
-    sequence: Digital | RadicalInverses | PrimeDigital, n: int, key: Array | int, candidates: int = 1
-) -> Tabulated:
+def net_by_net(sequence: Digital | RadicalInverses | PrimeDigital, n: int, key: Array | int) -> Tabulated:
     """Draw the first n points of an Owen-scrambled sequence net by net, with two hashes per coordinate.
 
     The first b**k points of a component in base b have one point in each interval of length b**-k. If each
@@ -140,10 +136,6 @@ def net_by_net(
         In [1, 2**24], with ``n * dims`` at most 2**28 and n at most the largest power b**k <= 2**32 of each
         base. The points of a smaller n are the first of a larger one.
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
-    candidates : int
-        In [1, 1024]. Each point is the best of so many random candidates in its intervals: the farthest from
-        all earlier points in the first two coordinates, on the torus. More than 1 only in base 2; points are
-        then generated one by one, tens of thousands per second.
 
     Returns
     -------
@@ -153,10 +145,6 @@ def net_by_net(
 
     Notes
     -----
-    Candidates preserve the nets, but the points are no longer exactly uniform, and the digits after those of
-    the net are not independent. The minimum distance grows little: a point can only move within a square of
-    side 1 / n.
-
     In base b > 2, this is the uncorrelated swapping of [1]_: digits are drawn independently.
 
     References
@@ -181,13 +169,9 @@ def net_by_net(
         )
     if isinstance(sequence, PrimeDigital) and isinstance(sequence.tables, Tracer):
         raise ValueError("sequence must be known before tracing unless in base 2, got a tracer in it")
-    n, candidates = validate_sizes(n, sequence.dims, candidates)
+    n = checked_size(n, sequence.dims)
     if isinstance(sequence, Digital):
-        if candidates > 1 and sequence.dims < 2:
-            raise ValueError("sequence must have at least 2 dimensions for candidates > 1, got 1")
-        return draw(to_earlier(sequence.matrices), checks.prng_key("key", key), n, candidates)
-    if candidates > 1:
-        raise ValueError(f"candidates must be 1 unless the sequence is digital in base 2, got {candidates}")
+        return draw(to_earlier(sequence.matrices), checks.prng_key("key", key), n)
     seeds = _seeds(checks.prng_key("key", key), sequence.dims)
     # The radical inverse in base 2: point 2**k + j shares k digits with point j.
     binary = jnp.uint32(1) << jax.lax.iota(jnp.uint32, 32)[None]
@@ -198,19 +182,17 @@ def net_by_net(
     return Tabulated(jnp.stack(columns, axis=1))
 
 
-def validate_sizes(n: int, dims: int, candidates: int) -> tuple[int, int]:
-    """Return the numbers of points and of candidates, or raise a ValueError."""
+def checked_size(n: int, dims: int) -> int:
+    """Return the number of points, or raise a ValueError."""
     n = checks.integer("n", n, 1, MOST_POINTS)
     if n * dims > MOST_COORDINATES:
         raise ValueError(f"n must be at most 2**28 / dims, got n={n} and dims={dims}")
-    return n, checks.integer("candidates", candidates, 1, MOST_CANDIDATES)
+    return n
 
 
-def draw(steps: Array, key: Array, n: int, candidates: int) -> Tabulated:
+def draw(steps: Array, key: Array, n: int) -> Tabulated:
     """Draw points in base 2, with ``steps`` from :func:`to_earlier`."""
-    seeds = _seeds(key, steps.shape[0])
-    words = _words(steps, seeds, n)
-    return Tabulated(words if candidates == 1 else best_candidates(words, steps, seeds, candidates))
+    return Tabulated(_words(steps, _seeds(key, steps.shape[0]), n))
 
 
 def _seeds(key: Array, dims: int) -> Array:

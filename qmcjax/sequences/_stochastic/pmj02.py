@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks, draws
 from qmcjax.sequences._protocol.plug_in import Tabulated
-from qmcjax.sequences._stochastic.net_by_net import draw, to_earlier, validate_sizes
+from qmcjax.sequences._stochastic.net_by_net import checked_size, draw, to_earlier
 
 
-def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
+def pmj02(n: int, key: Array | int) -> Tabulated:
     """Make the first n points of a progressive multi-jittered (0,2)-sequence.
 
     Every aligned block of 2**m points is a (0,m,2)-net. The first N = 4**k points have one point in each of
@@ -24,8 +24,6 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     ----------
     n : int, in [1, 2**24]; the points of a smaller n are the first of a larger one
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
-    candidates : int
-        In [1, 1024]. Each point is the best of so many random candidates, as in :func:`net_by_net`.
 
     Returns
     -------
@@ -54,12 +52,12 @@ def pmj02(n: int, key: Array | int, candidates: int = 1) -> Tabulated:
     >>> print(((points[0] < 0.5) != (points[1] < 0.5)).tolist())
     [True, True]
     """
-    n, candidates = validate_sizes(n, 2, candidates)
+    n = checked_size(n, 2)
     choices_key, points_key = draws.split(checks.prng_key("key", key))
     # If the factor is x + 1 instead of x, digit 2 k + 1 of the index is added to digit 2 k.
     choices = draws.bits(choices_key, (), jnp.uint32) & np.uint32(0x55555555)
     steps = jnp.asarray(_steps())
-    return draw(steps ^ (steps >> 1 & choices), points_key, n, candidates)
+    return draw(steps ^ (steps >> 1 & choices), points_key, n)
 
 
 @cache

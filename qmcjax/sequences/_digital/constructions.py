@@ -1,19 +1,18 @@
 """Digital sequences in base 2 by constructions other than Sobol's, or with other direction numbers."""
 
 from dataclasses import field
-from functools import cache, lru_cache
+from functools import cache
 from importlib import resources
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, tables
-from qmcjax.core.bits import pascal, reverse
+from qmcjax.core.bits import pascal
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._digital.cells import packed, selected
+from qmcjax.sequences._digital.cells import packed
 from qmcjax.sequences._digital.digital import Digital, digital, identity
 from qmcjax.sequences._digital.direction_numbers import read_direction_numbers, sobol_of
 from qmcjax.sequences._digital.sobol_matrix import matrices_of
@@ -90,10 +89,9 @@ def cascaded_net(m: int, dims: int) -> DigitalNet:
     matrices = matrices_of(max(_CASCADE) + 1)
     columns = np.zeros((dims, 32), np.uint32)
     columns[0, :m] = np.uint32(1) << np.arange(32 - m, 32, dtype=np.uint32)
-    for dim, component in enumerate(_CASCADE[: dims - 1], start=1):
-        index = columns[dim - 1, :m] >> np.uint32(32 - m)
-        digits = index[:, None] >> np.arange(m, dtype=np.uint32) & np.uint32(1)
-        columns[dim, :m] = np.bitwise_xor.reduce(digits * matrices[component - 1, :m], axis=1)
+    for dim, component in enumerate(_CASCADE[: dims - 1]):
+        digits = columns[dim, :m, None] >> np.arange(32 - m, 32, dtype=np.uint32) & np.uint32(1)
+        columns[dim + 1, :m] = np.bitwise_xor.reduce(digits * matrices[component - 1, :m], axis=1)
     return DigitalNet(jnp.asarray(columns), m=m)
 
 
@@ -141,9 +139,6 @@ def one_two(dims: int) -> Digital:
 
 
 SZ_DIMS = 256
-
-_SZ_ORDER = 64
-"""Order of the matrices: the digits of a 64-bit index."""
 
 
 def sz(dims: int) -> Digital:
@@ -202,45 +197,35 @@ def sz(dims: int) -> Digital:
      [3 1 3 1]]
     """
     dims = checks.integer("dims", dims, 1, SZ_DIMS)
-    words = np.stack([_sz_columns(dim)[:32] for dim in range(dims)])
-    return Digital(jnp.asarray(words), (identity, pascal)[:dims], _sz_beyond, "sz")
+    words = packed(np.stack([_sz_matrix(dim) for dim in range(dims)]))
+    return Digital(jnp.asarray(words), (identity, pascal)[:dims], called="sz")
 
 
-def _sz_beyond(dim: int, high: Array) -> Array:
-    return reverse(selected(_sz_columns(dim)[32:], high))
-
-
-@lru_cache(maxsize=SZ_DIMS)
-def _sz_columns(component: int) -> NDArray[np.uint32]:
-    """Return the first 32 rows of the 64 columns of a component's matrix, the first row in bit 31."""
-    matrix = np.eye(_SZ_ORDER, dtype=np.int64)
+def _sz_matrix(component: int) -> NDArray[np.int64]:
+    matrix = np.eye(32, dtype=np.int64)
     for bits, part in ((1, 1), (2, 2), (4, 12), (8, 240)):
         if component & part:
             matrix = matrix @ _field_pascal(component & part, bits) % 2
-    return packed(matrix[None, :32])[0]
+    return matrix
 
 
 def _field_pascal(element: int, bits: int) -> NDArray[np.int64]:
     """Return C_F(element) for the field F of 2**bits elements, as a binary matrix."""
-    count = _SZ_ORDER // bits
-    matrix = np.zeros((count, bits, count, bits), np.int64)
-    power = 1
-    for distance in range(count):
-        # Column k contains the product with the element of bit k.
-        columns = [_nim_product(power, 1 << k) for k in range(bits)]
-        block = np.array([[column >> i & 1 for column in columns] for i in range(bits)])
-        for j in range(count - distance):
-            if j & distance == 0:  # binom(j + distance, j) is odd, by Kummer's theorem.
-                matrix[j, :, j + distance] = block
-        power = _nim_product(power, element)
-    return matrix.reshape(_SZ_ORDER, _SZ_ORDER)
+    # Column k contains the product with the element of bit k.
+    products = [_nim_product(element, 1 << k) for k in range(bits)]
+    factor = np.array(products) >> np.arange(bits)[:, None] & 1
+    matrix, power = np.zeros((32, 32), np.int64), np.eye(bits, dtype=np.int64)
+    for distance in range(32 // bits):
+        odd = np.arange(32 // bits - distance) & distance == 0  # binom(j + distance, j), by Kummer's theorem.
+        matrix += np.kron(np.diag(odd, distance), power)
+        power = power @ factor % 2
+    return matrix
 
 
 def _nim_product(a: int, b: int, half: int = 4) -> int:
-    """Multiply elements of the field of 2**(2 half) numbers: pairs over the field of 2**half.
+    """Multiply elements of the field of 2**(2 half) numbers, pairs over the field of 2**half.
 
-    Sums are xors, and the numbers below 2**half are the subfield. The number i = 2**half has the square
-    i + 2**(half - 1).
+    Sums are xors. The number i = 2**half has the square i + 2**(half - 1).
     """
     if half == 0:
         return a & b

@@ -143,8 +143,6 @@ VALUES = {
     ),
     "qmcjax.sequences.poisson_disk": dict(radius=[0.0, 1e-3], sides=[(1.0,), (1,) * 5, (1, 0)]),
     "qmcjax.sequences.record_net": dict(discrepancy=["l2"], n=[17]),
-    "qmcjax.sequences.read_lattice": dict(max_bytes=[0]),
-    "qmcjax.sequences.read_matrices": dict(max_bytes=[0]),
     "qmcjax.sequences.rotate": dict(offset_or_key=[[0.5], 0.5, [0.5, 1.0], [-0.25, 0.0], [np.nan, 0.0]]),
     "qmcjax.sequences.sobol_matrix": dict(initial=[[1], [1, 2], [3, 1], [1, -1]], polynomial=[5, 2, 21, 1]),
     "qmcjax.sequences.sobol_of": dict(numbers=[[], [(3, [1]), (5, [1, 1])]]),

@@ -132,10 +132,9 @@ def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDA
 def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.float32]:
     if suffix == ".exr":
         return read_exr(path)
-    data = path.read_bytes()
     if suffix == ".png":
-        return _light_of_png(data, transfer)
-    array = tables.read_npy(data)
+        return _light_of_png(path.read_bytes(), transfer)
+    array = tables.load(path, 2**63)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
             f"must contain float32 of shape (height, width) or (height, width, channels), got {array.dtype} "

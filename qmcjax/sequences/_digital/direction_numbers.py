@@ -6,7 +6,8 @@ from os import PathLike
 import numpy as np
 from jax.typing import ArrayLike
 
-from qmcjax.core import checks
+from qmcjax.core import checks, tables
+from qmcjax.core.tables import wrong
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.sobol_matrix import (
     DirectionNumbers,
@@ -14,7 +15,7 @@ from qmcjax.sequences._digital.sobol_matrix import (
     joe_kuo_numbers,
     validate_numbers,
 )
-from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
+from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file
 
 _HEAD = "d s a m_i"
 _IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)
@@ -25,15 +26,13 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
 
     Each line contains d, s, a, and m_1, ..., m_s: the number of the dimension, from 2 on; the degree of a
     polynomial; its coefficients, except the first and the last, as the binary digits of a; and the initial
-    numbers. The first line may be a heading. Polynomials must be irreducible, m_k odd and below 2**k.
+    numbers. The first line may be ``d s a m_i``. Polynomials must be irreducible, m_k odd and below 2**k.
 
     Parameters
     ----------
     path : path
-        A file such as ``new-joe-kuo-6.21201`` [1]_, optionally compressed by gzip; UTK's tables, whose d
-        starts at 1; or ``soboljk`` and ``sobol`` files of LDData and LatNet Builder. Those of LatNet Builder
-        contain only the initial numbers, for the polynomials of Joe and Kuo. Or rows of an array, filled up
-        with zeros, in a ``.npy`` file, or in ``.npz`` with one array.
+        A file such as ``new-joe-kuo-6.21201`` [1]_, or ``soboljk`` and ``sobol`` files of LDData and LatNet
+        Builder. ``sobol`` files contain only the initial numbers, for the polynomials of Joe and Kuo.
 
     Returns
     -------
@@ -58,44 +57,31 @@ def read_direction_numbers(path: str | PathLike[str]) -> tuple[DirectionNumbers,
     ...     print(read_direction_numbers(file.name)[1])
     DirectionNumbers(polynomial=7, initial=(1, 3))
     """
-    return numbers_of(integer_file(path, 2**30, named=True))
+    path = checks.path(path)
+    with tables.named(path):
+        return numbers_of(integer_file(path, _HEAD))
 
 
 def numbers_of(file: IntegerFile) -> tuple[DirectionNumbers, ...]:
     """Return the direction numbers of a file, from the second component on."""
-    kind, lines = file.heading.kind, file.lines
-    if kind not in ("", "sobol", "soboljk"):
-        raise wrong(file.path, file.heading.number, "a heading of direction numbers", file.heading.text)
-    if lines and "dimension" in lines[0].comment:
-        # LatNet Builder states the numbers of components and of points.
-        dims, lines = lines[0].values[0], lines[1:]
-        lines = lines[1:] if lines and "points" in lines[0].comment else lines
-        if lines and "interlacing" in lines[0].comment:
-            raise wrong(
-                file.path,
-                lines[0].number,
-                "no interlacing factor: read_matrices reads these",
-                lines[0].values,
-            )
-        if len(lines) != dims - 1:
-            raise wrong(
-                file.path, file.lines[-1].number, f"the last of {dims - 1} lines", f"{len(lines)} lines"
-            )
-    if not lines:
-        raise ValueError(f"{file.path}, must contain direction numbers, got none")
-    known = joe_kuo_numbers(slice(len(lines))) if kind == "sobol" else []
-    if kind == "sobol" and len(known) < len(lines):
-        raise wrong(
-            file.path, lines[len(known)].number, f"the last of {len(known)} lines", f"{len(lines)} lines"
-        )
-    first = 1 if lines[0].values[0] == 1 else 2
+    if file.kind not in ("", "sobol", "soboljk"):
+        raise wrong(file.heading.number, "be a heading of direction numbers", file.heading.comment)
+    dims = len(file.lines) + 1
+    if "dimension" in file.lines[0].comment:  # LatNet Builder states the numbers of components and of points.
+        dims = file.header("dimensions")[0].values[0]
+        if "points" in file.next("direction numbers").comment:
+            file.header("points")
+    known = joe_kuo_numbers(slice(len(file.lines))) if file.kind == "sobol" else []
+    if len(file.lines) != dims - 1 or (file.kind == "sobol" and len(known) < dims - 1):
+        file.next(f"{dims - 1} lines")
+        raise wrong(file.lines[-1].number, f"be the last of {dims - 1} lines", f"{len(file.lines)} lines")
     numbers = []
-    for place, line in enumerate(lines):
+    for place, line in enumerate(file.lines):
         try:
-            pair = (known[place].polynomial, line.values) if known else _parsed(line.values, first + place)
+            pair = (known[place].polynomial, line.values) if known else _parsed(line.values, 2 + place)
             numbers.append(validate_numbers(*pair))
         except ValueError as error:
-            raise ValueError(f"{file.path}, line {line.number}, {error}") from None
+            raise ValueError(f"line {line.number}, {error}") from None
     return tuple(numbers)
 
 

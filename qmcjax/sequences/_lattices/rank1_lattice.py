@@ -14,9 +14,10 @@ from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
 from qmcjax.core.number_theory import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.core.tables import wrong
 from qmcjax.sequences._lattices.lattice_sequence import LatticeSequence, Multiples
 from qmcjax.sequences._protocol.base import Sequence
-from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file, wrong
+from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file
 
 _PLANAR_LIMIT = 2**22
 """The search takes half a second."""
@@ -176,27 +177,22 @@ def _tabulated() -> dict[int, tuple[int, ...]]:
 
 
 def read_lattice(
-    path: str | PathLike[str], n: int | None = None, *, max_bytes: int = 2**30
+    path: str | PathLike[str], n: int | None = None
 ) -> Rank1Lattice | BinaryRank1Lattice | LatticeSequence:
     r"""Read the generating vector of a rank-1 lattice from a file and make the lattice.
 
     Parameters
     ----------
     path : path
-        Text in one of these formats, optionally compressed by gzip, recognised by a comment before the
-        numbers and by the shape of the table:
+        Text in one of these formats, recognised by a comment before the numbers:
 
         - ``lattice`` of LDData [1]_, which begins with this word in a comment, and ``output.txt`` of LatNet
           Builder for ordinary lattices [2]_, embedded or not: the number of dimensions, the number of points,
           and the vector, one integer per line;
-        - only the vector, one integer per line, or pairs of a dimension and an integer, as in the Magic Point
-          Shop [3]_ and in Kuo's files [4]_;
-
-        or the vector in a ``.npy`` file, or in ``.npz`` with one array.
+        - without such a comment, only the vector, one integer per line, or pairs of a dimension and an
+          integer, as in the Magic Point Shop [3]_ and in Kuo's files [4]_.
     n : int, optional
         In [1, 2**32]: number of points, for files with only a vector.
-    max_bytes : int
-        Maximum size of the file.
 
     Returns
     -------
@@ -207,8 +203,8 @@ def read_lattice(
     Raises
     ------
     ValueError
-        If the file is too large, or has another format, such as a polynomial lattice, which
-        :func:`read_matrices` reads. The message names the file and the line.
+        If the file has another format, such as a polynomial lattice, which :func:`read_matrices` reads. The
+        message names the file and the line.
 
     References
     ----------
@@ -229,42 +225,35 @@ def read_lattice(
      [0.2 0.4]
      [0.4 0.8]]
     """
+    path = checks.path(path)
     n = None if n is None else checks.integer("n", n, 1, checks.INDEX_LIMIT)
-    file = integer_file(path, max_bytes)
-    first, heading = file.lines[0], file.heading
-    if heading.kind == "lattice":
-        dims, points = file.header(2, "dimensions, points")
-        if n is not None and n != points:
-            raise wrong(file.path, file.lines[1].number, f"the number of points, n={n}", points)
-        if not 1 <= points <= checks.INDEX_LIMIT:
-            raise wrong(file.path, file.lines[1].number, "a number of points in [1, 2**32]", points)
-        vector = _vector(file, 2, points)
-        if len(vector) != dims:
-            last = file.lines[-1].number
-            raise wrong(file.path, last, f"the last of {dims} integers", f"{len(vector)} integers")
-        return rank1_of(points, vector)
-    if heading.kind:
-        raise wrong(file.path, heading.number, "a heading of a rank-1 lattice", heading.text)
-    if len(first.values) > 2:
-        raise wrong(file.path, first.number, "an integer, or a dimension and an integer", first.values)
-    vector = _vector(file, 0, n or checks.INDEX_LIMIT)
-    if n is None:
-        return LatticeSequence(jnp.asarray(np.array(vector, np.uint32)))
-    return rank1_of(n, vector)
+    with tables.named(path):
+        file = integer_file(path)
+        if file.kind == "lattice":
+            dims, points = file.header("dimensions, points")
+            size = points.values[0]
+            if size != (n or size):
+                raise wrong(points.number, f"be the number of points, n={n}", size)
+            if not 1 <= size <= checks.INDEX_LIMIT:
+                raise wrong(points.number, "be a number of points in [1, 2**32]", size)
+            file.table(dims.values[0], 1)
+            return rank1_of(size, _vector(file, size))
+        if file.kind:
+            raise wrong(file.heading.number, "be a heading of a rank-1 lattice", file.heading.comment)
+        vector = _vector(file, n or checks.INDEX_LIMIT)
+    return LatticeSequence(jnp.asarray(np.array(vector, np.uint32))) if n is None else rank1_of(n, vector)
 
 
-def _vector(file: IntegerFile, start: int, limit: int) -> tuple[int, ...]:
+def _vector(file: IntegerFile, limit: int) -> tuple[int, ...]:
     """Return the integers of the lines, which may be numbered."""
-    vector = []
-    width = len(file.line(start, "the generating vector").values)
-    for place, line in enumerate(file.lines[start:], start=1):
-        if len(line.values) != width or (width == 2 and line.values[0] != place):
-            rule = "one integer" if width == 1 else f"dimension {place} and an integer"
-            raise wrong(file.path, line.number, rule, line.values)
-        if not 0 <= line.values[-1] < limit:
-            raise wrong(file.path, line.number, f"an integer in [0, {limit})", line.values[-1])
-        vector.append(line.values[-1])
-    return tuple(vector)
+    width = len(file.lines[0].values)
+    for place, line in enumerate(file.lines, start=1):
+        if line.values[:-1] != [place][: width - 1] or width > 2:
+            rule = "be one integer" if width == 1 else f"be dimension {place} and an integer"
+            raise wrong(line.number, rule, line.values)
+        if line.values[-1] >= limit:
+            raise wrong(line.number, f"be an integer in [0, {limit})", line.values[-1])
+    return tuple(line.values[-1] for line in file.lines)
 
 
 def lattice_text(lattice: Rank1Lattice | BinaryRank1Lattice) -> str:

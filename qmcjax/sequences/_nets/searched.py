@@ -175,7 +175,7 @@ def record_net(n: int, dims: int = 2, discrepancy: str = "star") -> Tabulated:
     part of another one nor a digital net. Smaller discrepancies may exist. The points are sorted, so do not
     use only the first few of them. ``python -m analysis.tables.discrepancy_records`` computes discrepancies
     in rational arithmetic, and prints a box that attains the star discrepancy. For a file to cite, use
-    ``bridges.write_points``: it includes a checksum. Star discrepancies, rounded up:
+    ``bridges.write_points``. Star discrepancies, rounded up:
 
     =====  =========  =========  =========  =========  =========
     n      2-D        3-D        4-D        5-D        6-D

@@ -344,7 +344,7 @@ OBJECTS = {
     "sampler": (lambda: nouns()["sampler"], "__call__ check"),
     "scene": (lambda: nouns()["scene"], "reference"),
     "table": (table, "errors slope slope_interval efficiency"),
-    "estimate": (lambda: qmcjax.Estimate(1.0, 0.1, 5, 0.0, np.ones(5), 8, 0.0), "interval"),
+    "estimate": (lambda: qmcjax.Estimate(1.0, 0.1, 0.0, np.ones(5), 0.0, 0.0, 0.0, 5, 8), "interval"),
     "plain": (lambda: bridges.PlainSampler(nouns()["sampler"]), "start array"),
     "engine": (lambda: bridges.SequenceEngine(nouns()["sequence"]), "random fast_forward"),
     "made": (lambda: bridges, "SequenceEngine PlainSampler"),

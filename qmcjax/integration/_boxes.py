@@ -76,8 +76,6 @@ def _times(values: Any, factors: list[Array]) -> Any:
     """Multiply the values of rows by factors, one after another, since their product might overflow."""
     if not isinstance(values, Array | np.ndarray) or values.ndim == 0:
         return values  # and be refused
-    if jnp.iscomplexobj(values):
-        return jax.lax.complex(_times(values.real, factors), _times(values.imag, factors))
     dtype = factors[0].dtype
     if jnp.issubdtype(values.dtype, jnp.floating):
         dtype = jnp.promote_types(dtype, values.dtype)

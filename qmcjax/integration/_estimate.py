@@ -2,8 +2,8 @@
 
 import math
 import warnings
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from dataclasses import field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,43 +12,51 @@ from jax import Array
 from jax.core import Tracer
 
 from qmcjax.core import checks
-from qmcjax.integration import _intervals
-from qmcjax.integration._means import as_complex, of_columns
+from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.integration._doubts import LEAST, doubt, largest, tail_index
+from qmcjax.integration._intervals import COUNTED, RULES, Replicates, of_rank, rank
+from qmcjax.integration._means import of_columns
 
 
-class Estimate(NamedTuple):
+@frozen_pytree
+class Estimate:
     """An integral from independent replicates, with its error.
 
-    Results are float64, in the structure of the values; complex numbers have errors for real and imaginary
-    part.
+    Results are float64, in the structure of the values.
     """
 
     integral: Any
     """The mean of the replicates; for "median" and "quantile" intervals their median."""
     standard_error: Any
     """Standard error of the mean; see :func:`integrate` for counts."""
-    replicates: int
-    """Number of replicates."""
     rounding: Any
     """Rounding error, which the replicates do not show: see :func:`integrate`."""
     means: Any
     """Mean of each replicate, with a first axis of length ``replicates``."""
-    n: int
-    """Number of points of each replicate."""
     unseen: Any
     """If values take few levels and two means are equal, the range of values divided by their number; else 0.
 
     Infinite if all observed values are equal and there are no limits."""
-    limits: tuple[float, float] | None = None
-    """Bounds of the function's values."""
-    tolerance: float | None = None
-    """The requested tolerance."""
-    level: float = 0.95
-    """Level of the interval that is compared with the tolerance, of each number."""
-    tail: Any = 0.0
+    tail: Any
     """Tail index c: values above v have a probability like v**(-1 / c); 0 if light, or values are traced."""
-    displacement: Any = 0.0
+    displacement: Any
     """How far rounding moves points of ``bounds``, as a part of the side; of 1 if that is infinite."""
+    replicates: int = field(metadata={"static": True})
+    """Number of replicates."""
+    n: int = field(metadata={"static": True})
+    """Number of points of each replicate."""
+    kind: str = field(default="student", metadata={"static": True})
+    """Kind of the intervals, as passed to :func:`integrate`."""
+    limits: tuple[float, float] | None = field(default=None, metadata={"static": True})
+    """Bounds of the function's values."""
+    tolerance: float | None = field(default=None, metadata={"static": True})
+    """The requested tolerance."""
+    level: float = field(default=0.95, metadata={"static": True})
+    """Level of the interval that is compared with the tolerance, of each number."""
+
+    def __repr__(self) -> str:
+        error = f"standard_error={self.standard_error!r}"
+        return f"Estimate(integral={self.integral!r}, {error}, n={self.n}, replicates={self.replicates})"
 
     @property
     def reached(self) -> bool | None:
@@ -58,16 +66,19 @@ class Estimate(NamedTuple):
         """
         if self._traced():
             return None
-        return not self._doubt() and (self.tolerance is None or self._half_width() <= self.tolerance)
+        return not doubt(self) and (self.tolerance is None or self._half_width() <= self.tolerance)
 
     @property
     def reason(self) -> str | None:
         """Why the points sufficed or not; None without a tolerance or a doubt, or if values are traced."""
-        if self._traced() or self.tolerance is None:
-            return self._doubt()
+        if self._traced():
+            return None
+        why = doubt(self)
+        if self.tolerance is None:
+            return why
         state = "was reached" if self.reached else "was not reached"
-        why = self._doubt() or f"the half width is {self._half_width():g}"
-        rounding = max(float(part.max(initial=0)) for part in _parts(self.rounding))
+        why = why or f"the half width is {self._half_width():g}"
+        rounding = largest(self.rounding)
         if rounding > self.tolerance:
             why += f", of which rounding makes {rounding:g}"
         return f"tolerance={self.tolerance:g} {state} with n={self.n}: {why}"
@@ -89,137 +100,32 @@ class Estimate(NamedTuple):
         low, high, float64, in the structure of the values
         """
         level = _level(level)
-        if doubt := self._doubt():
-            warnings.warn(doubt, RuntimeWarning, stacklevel=2)
+        if not self._traced() and (why := doubt(self)):
+            warnings.warn(why, RuntimeWarning, stacklevel=2)
         return self._interval(level)
 
     def _interval(self, level: float) -> tuple[Any, Any]:
-        def ends(xp: Any, rounding: Any, integral: Any, error: Any, unseen: Any, means: Any) -> Any:
+        def ends(rounding: Any, integral: Any, error: Any, unseen: Any, means: Any) -> tuple[Any, Any]:
+            xp: Any = jnp if any(isinstance(each, Tracer) for each in (rounding, means)) else np
             unseen = xp.where(xp.isinf(unseen), 0, unseen)
-            low, high = self._ends(level, xp, integral, error, unseen, means)
+            of = Replicates(xp, integral, error, unseen, means, self.limits)
+            low, high = RULES[self.kind].ends(of, level)
             if self.limits is not None:
                 low, high = (xp.clip(end, *self.limits) for end in (low, high))
             return low - rounding, high + rounding
 
+        numbers = self.rounding, self.integral, self.standard_error, self.unseen, self.means
+        structure = jax.tree.structure(self.integral)
         with jax.enable_x64(True):  # or traced values would become float32 here
-            return _apart(ends, self.rounding, self.integral, self.standard_error, self.unseen, self.means)
-
-    def _ends(
-        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
-    ) -> tuple[Any, Any]:
-        from scipy.special import stdtrit
-
-        quantile = float(stdtrit(self.replicates - 1, (1 + level) / 2))
-        # The standard error includes a part for unseen events.
-        more = max(_most_unseen(self.replicates, level) ** 2 - _COUNTED * quantile**2, 0)
-        half = xp.sqrt(xp.square(quantile * error) + more * xp.square(unseen)) if more else quantile * error
-        return integral - half, integral + half
+            found = list(map(ends, *map(jax.tree.leaves, numbers)))
+        return structure.unflatten(low for low, _ in found), structure.unflatten(high for _, high in found)
 
     def _half_width(self) -> float:
-        low, high = map(jax.tree.leaves, self._interval(self.level))
-        widths: list[Any] = [np.asarray(b - a) for a, b in zip(low, high, strict=True)]
-        return max(float(np.maximum(w.real, w.imag).max(initial=0)) for w in widths) / 2
+        low, high = self._interval(self.level)
+        return largest(jax.tree.map(lambda low, high: high - low, low, high)) / 2
 
     def _traced(self) -> bool:
         return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(self.standard_error))
-
-    def _doubt(self) -> str | None:
-        if self._traced():
-            return None
-        parts = _parts(self.unseen)
-        still, count = sum(np.count_nonzero(np.isinf(part)) for part in parts), self.n * self.replicates
-        if still:
-            of = sum(part.size for part in parts)
-            where = "" if of == 1 else f" of {still} of the function's {of} numbers"
-            missed = _most_unseen(self.replicates, self.level) / count
-            return (
-                f"all {count} values seen{where} are equal, and an event with a probability below "
-                f"{missed:.2g} may have been missed: pass limits, or more points"
-            )
-        places = 0.5 / max(float(self.displacement), _LEAST)
-        if places < _PLACES:
-            return (
-                f"points have about {places:.2g} different places along a side of bounds: "
-                "pass a wider dtype, or move the origin"
-            )
-        tail = max(float(part.max(initial=0)) for part in _parts(self.tail))
-        least, advice = self._heavy
-        return f"values are heavy-tailed (index {tail:.2g}): {advice}" if tail > least else None
-
-    _heavy = 0.3, 'interval="quantile" is more reliable, or another variable of integration'
-
-
-class QuantileEstimate(Estimate):
-    __slots__ = ()
-
-    def _ends(
-        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
-    ) -> tuple[Any, Any]:
-        del integral, error
-        place = _intervals.rank(self.replicates, level)
-        if not place:
-            most = 1 - 2.0 ** (1 - self.replicates)
-            raise ValueError(
-                f"level must be at most {most:g} with {self.replicates} replicates, got {level!r}"
-            )
-        if xp is np:
-            low, high = _intervals.rank_interval(means, level)
-        else:
-            low, high = _of_rank(means, place - 1), _of_rank(means, self.replicates - place)
-        # The mean of counts differs from their median, by one count if events are rare.
-        more = max(_most_unseen(self.replicates, level), self.replicates) * unseen
-        return low - more, high + more
-
-    _heavy = 0.55, "medians of means are far from the integral, choose another variable of integration"
-
-
-class BettingEstimate(Estimate):
-    __slots__ = ()
-
-    def _ends(
-        self, level: float, xp: Any, integral: Any, error: Any, unseen: Any, means: Any
-    ) -> tuple[Any, Any]:
-        del integral, error, unseen
-        assert self.limits is not None
-        least, most = self.limits
-        unit = xp.clip((means - least) / (most - least), 0, 1)
-        low, high = _intervals.betting_interval(unit, level, xp)
-        return least + (most - least) * low, least + (most - least) * high
-
-    _heavy = math.inf, ""
-
-
-_LEAST = float(np.finfo(np.float32).tiny / np.finfo(np.float32).eps)
-"""Added to the magnitude of values, since processors may flush subnormal numbers to 0."""
-
-_FEW = 256
-"""Number of values of which at least half are distinct, unless a function takes few values (counts)."""
-
-_PLACES = 1024
-"""Number of places along a side from which intervals are reliable."""
-
-_COUNTED = 3
-"""Weight of the squared unseen part in the squared standard error."""
-
-
-def _most_unseen(replicates: int, level: float) -> float:
-    """Return the maximum expected count, over all replicates, of an event that none of them saw.
-
-    If it is expected m times in a replicate, with a variance of at most m as for independent points, the
-    replicate sees it with a probability of at least m / (1 + m), by Cantelli's inequality. All replicates
-    miss it with a probability of at most (1 - level) / 2 if m is at least the returned number divided by
-    ``replicates``. The number tends to -log((1 - level) / 2), the rule of three for independent points.
-    """
-    return replicates * (((1 - level) / 2) ** (-1 / replicates) - 1)
-
-
-KINDS: dict[str, type[Estimate]] = {
-    "student": Estimate,
-    "median": QuantileEstimate,
-    "quantile": QuantileEstimate,
-    "betting": BettingEstimate,
-}
-"""Classes of estimates by the kind of their intervals."""
 
 
 def validate_limits(limits: Any, kind: str, replicates: int | None) -> tuple[float, float] | None:
@@ -251,7 +157,7 @@ def _check_means(means: Array, made: Estimate, limits: tuple[float, float]) -> N
     """Raise a ValueError if the mean of a replicate exceeds the bounds by more than rounding."""
     if isinstance(means, Tracer):
         return
-    allowed = max(float(abs(np.asarray(leaf)).max(initial=0)) for leaf in jax.tree.leaves(made.rounding))
+    allowed = largest(made.rounding)
     if means.min() < limits[0] - allowed or means.max() > limits[1] + allowed:
         raise ValueError(
             f"limits must bound all values, got {limits}, and means in [{means.min()}, {means.max()}]"
@@ -278,7 +184,7 @@ def doublings(
     while 2 * sizes[-1] <= n and n > _FIRST:
         sizes.append(2 * sizes[-1])
     level = 1 - _ERROR / (len(sizes) * numbers)
-    if KINDS[kind] is QuantileEstimate and not _intervals.rank(replicates, level):
+    if RULES[kind].by_ranks and not rank(replicates, level):
         least = math.ceil(1 - math.log2(1 - level))
         of = f" of {numbers} numbers" if numbers > 1 else ""
         raise ValueError(f"replicates must be at least {least} for a tolerance{of}, got {replicates}")
@@ -293,88 +199,51 @@ def _level(level: Any) -> float:
     return float(level)
 
 
-def _parts(tree: Any) -> list[Any]:
-    """Return the leaves, with real and imaginary parts separately."""
-    leaves: list[Any] = [np.asarray(leaf) for leaf in jax.tree.leaves(tree)]
-    return [part for each in leaves for part in (each.real, each.imag)[: 1 + np.iscomplexobj(each)]]
-
-
-def _apart(ends: Callable[..., tuple[Any, Any]], *trees: Any) -> tuple[Any, Any]:
-    """Return two trees of ends, with real and imaginary parts treated separately."""
-
-    def each(*leaves: Any) -> tuple[Any, Any]:
-        xp: Any = jnp if any(isinstance(leaf, Tracer) for leaf in leaves) else np
-        if not xp.iscomplexobj(leaves[0]):
-            return ends(xp, *leaves)
-        low, high = map(as_complex, ends(xp, *(x.real for x in leaves)), ends(xp, *(x.imag for x in leaves)))
-        return low, high
-
-    flat, tree = zip(*map(jax.tree.flatten, trees), strict=True)
-    low, high = zip(*map(each, *flat), strict=True)
-    return tree[0].unflatten(low), tree[0].unflatten(high)
-
-
-def _of_rank(values: Array, place: int) -> Array:
-    """Return the values of a rank, counted from 0, along the first axis, with derivatives.
-
-    JAX computes derivatives outside the float64 mode of a program, where those of ``jnp.sort`` fail.
-    """
-    ranks = jnp.argsort(jnp.argsort(jax.lax.stop_gradient(values), axis=0), axis=0)
-    return jnp.sum(values * (ranks == place).astype(values.dtype), axis=0)
+_FEW = 256
+"""Number of values of which at least half are distinct, unless a function takes few values (counts)."""
 
 
 def _median(values: Array) -> Array:
     middle = len(values) // 2
-    return (_of_rank(values, len(values) - 1 - middle) + _of_rank(values, middle)) / 2
+    return (of_rank(values, len(values) - 1 - middle, jnp) + of_rank(values, middle, jnp)) / 2
 
 
 def estimate(
-    found: list[Array],
-    some: Array,
-    spread: Any,
-    like: Any,
-    n: int,
-    dtype: np.dtype,
-    kind: str,
-    limits: tuple[float, float] | None,
-    tolerance: float | None,
-    level: float,
-    moved: Any,
+    found: list[Array], some: Array, spread: Any, like: Any, moved: Any, dtype: np.dtype, **settings: Any
 ) -> Estimate:
     """Return the mean or median of replicates, the standard error, and the rounding error.
 
     ``some``: columns of a few values; ``spread``: range of the observed values, shape (columns,); ``moved``:
-    how far rounding moves points along each side, shape (dims,).
+    how far rounding moves points along each side, shape (dims,); ``settings``: static fields of the estimate.
     """
     known = not any(isinstance(each, Tracer) for each in (*found, some))
-    spread = np.asarray(spread) if known else spread
+    spread, limits = np.asarray(spread) if known else spread, settings["limits"]
     reach: Any = spread if limits is None else np.full(spread.shape, limits[1] - limits[0])
     made_of = (_compiled_columns if known else _columns)(
-        tuple(found), some, spread, reach, n, KINDS[kind] is QuantileEstimate
+        tuple(found), some, spread, reach, settings["n"], RULES[settings["kind"]].by_ranks
     )
     means, middle, error, magnitude, unseen = jax.tree.map(np.asarray, made_of) if known else made_of
-    wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, _wide(leaf.dtype)), like)
+    wide = jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape, np.float64), like)
 
     def values(columns: Any) -> Any:
         return of_columns(columns, wide, np.dtype(np.float64))
 
     def rounding(leaf: Any, magnitude: Array, shift: Array) -> Array:
-        types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.inexact) else [])]
+        types = [dtype, *([leaf.dtype] if jnp.issubdtype(leaf.dtype, jnp.floating) else [])]
         return magnitude * max(float(jnp.finfo(each).eps) for each in types) + shift
 
-    made = KINDS[kind](
-        values(middle),
-        values(error),
-        len(found),
-        jax.tree.map(rounding, like, values(magnitude), values(spread * moved.sum().astype(spread.dtype))),
-        values(means),
-        n,
-        values(unseen),
-        limits,
-        tolerance,
-        level,
-        values(_intervals.tail_index(np.asarray(some)) if known else np.zeros(spread.shape)),
-        moved.max(),
+    made = Estimate(
+        integral=values(middle),
+        standard_error=values(error),
+        rounding=jax.tree.map(
+            rounding, like, values(magnitude), values(spread * moved.sum().astype(spread.dtype))
+        ),
+        means=values(means),
+        unseen=values(unseen),
+        tail=values(tail_index(np.asarray(some)) if known else np.zeros(spread.shape)),
+        displacement=moved.max(),
+        replicates=len(found),
+        **settings,
     )
     if limits is not None:
         _check_means(means, made, limits)
@@ -382,7 +251,7 @@ def estimate(
 
 
 def _columns(
-    found: tuple[Array, ...], some: Array, spread: Array, reach: Array, n: int, of_ranks: bool
+    found: tuple[Array, ...], some: Array, spread: Array, reach: Array, n: int, by_ranks: bool
 ) -> tuple[Array, ...]:
     """Return the means of all replicates, their mean or median, and its observed, rounding, unseen error."""
     means = jnp.stack(found)
@@ -396,18 +265,14 @@ def _columns(
     unseen = jnp.where(equal, reach / (n * len(found)), 0)
     constant = (reach == 0) & (jnp.ptp(fixed, axis=0) == 0)
     varied = jnp.where(jnp.ptp(fixed, axis=0) > 0, jnp.var(means, axis=0, ddof=1), 0)
-    error = jnp.sqrt(varied / len(found) + _COUNTED * jnp.square(unseen))
+    error = jnp.sqrt(varied / len(found) + COUNTED * jnp.square(unseen))
     return (
         means,
-        _median(means) if of_ranks else mean,
+        _median(means) if by_ranks else mean,
         error,
-        magnitude + spread / 2 + _LEAST,
+        magnitude + spread / 2 + LEAST,
         jnp.where(constant, jnp.inf, unseen),
     )
 
 
 _compiled_columns = jax.jit(_columns, static_argnums=(4, 5))
-
-
-def _wide(dtype: Any) -> np.dtype:
-    return np.dtype(np.complex128 if jnp.issubdtype(dtype, jnp.complexfloating) else np.float64)

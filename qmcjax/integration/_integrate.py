@@ -1,5 +1,6 @@
 """The mean of a function over the points of a sequence, without storing them."""
 
+import math
 import warnings
 from collections.abc import Callable
 from typing import Any, overload
@@ -14,17 +15,10 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax.core import backends, checks, devices, draws
 from qmcjax.core.pytrees import is_traced
 from qmcjax.integration._boxes import over_box
-from qmcjax.integration._estimate import (
-    KINDS,
-    Estimate,
-    doublings,
-    estimate,
-    limits_of_integral,
-    validate_limits,
-)
+from qmcjax.integration._estimate import Estimate, doublings, estimate, limits_of_integral, validate_limits
+from qmcjax.integration._intervals import RULES
 from qmcjax.integration._means import (
     ROWS,
-    columns,
     mean_of,
     prepare,
     refuse_infinite,
@@ -97,7 +91,7 @@ def integrate(
     Parameters
     ----------
     function : callable
-        From points, shape (rows, dims), to values, shape (rows, ...), row by row: numbers or bools, or a
+        From points, shape (rows, dims), to values, shape (rows, ...), row by row: real numbers or bools, or a
         tuple, a dict or another pytree of them. The same function object compiles once. If it is a pytree,
         like a scene or ``jax.tree_util.Partial``, its arrays are parameters: new values do not recompile.
         Gradients flow to them, and to values that the function closes over.
@@ -131,7 +125,7 @@ def integrate(
           times as wide. It assumes that replicates are independent, but nothing about the points within one:
           a digital structure does no harm. It contains the mean over the grid of the points, see Notes.
     limits : (float, float), optional
-        Bounds of all values of the function, of real and imaginary parts. Required for "betting". Other
+        Bounds of all values of the function. Required for "betting". Other
         intervals stay within them, and use them as the range of values that no replicate saw.
     tolerance : float, optional
         Start with 1024 points per replicate, and double their number until the integral is known within the
@@ -153,10 +147,10 @@ def integrate(
     Returns
     -------
     Array, or pytree of them
-        In the structure of the function's values, shape (...). Floating and complex values keep their dtype,
-        others have ``dtype``. With ``replicates``, an :class:`Estimate`: their mean or median, the standard
-        error, an ``interval()``, and whether it was ``reached``, in float64 for any ``dtype``. These are
-        NumPy arrays unless traced.
+        In the structure of the function's values, shape (...). Floats keep their dtype, others have
+        ``dtype``. With ``replicates``, an :class:`Estimate`: their mean or median, the standard error, an
+        ``interval()``, and whether it was ``reached``, in float64 for any ``dtype``. These are NumPy arrays
+        unless traced.
 
     Raises
     ------
@@ -253,7 +247,7 @@ def integrate(
     sequence = as_sequence("sequence", sequence)
     n, start = checks.span(n, start, sequence)
     dtype = checks.floating(dtype)
-    kind = checks.choice("interval", interval, KINDS)
+    kind = checks.choice("interval", interval, RULES)
     limits = validate_limits(limits, kind, replicates)
     if replicates is None:
         if key is not None:
@@ -274,48 +268,38 @@ def integrate(
         if limits is not None:
             limits = limits_of_integral(limits, volume)
     with checks.precision(dtype):
-        function, like = prepare(function, sequence.dims, dtype)
-        wide = jnp.result_type(float) == jnp.float64
+        integrand, like = prepare(function, sequence.dims, dtype, replicates is not None)
     sizes, level = [n], 0.95
     if tolerance is not None:
-        numbers = jax.eval_shape(lambda made: columns(made, dtype), like).shape[1]
+        numbers = sum(math.prod(leaf.shape[1:]) for leaf in jax.tree.leaves(like))
         sizes, level = doublings(tolerance, n, replicates, kind, numbers)
-    replicated = replicates is not None
-    with checks.precision(jnp.float64 if replicated else dtype):
+    with checks.precision(dtype if replicates is None else jnp.float64):
 
         def means(start: int, n: int) -> list[Any]:
-            found = []
+            aligned, found = start % backends.current().rows == 0, []
             for copy in copies:
-                arguments = function, copy, np.uint32(start)
-                how = (
-                    n,
-                    dtype,
-                    start % backends.current().rows == 0,
-                    mesh,
-                    is_traced(arguments),
-                    replicated,
-                    wide,
-                )
+                arguments = integrand, copy, np.uint32(start)
+                how = n, aligned, mesh, is_traced(arguments)
                 found.append(devices.local(mean_of(*devices.place(arguments, mesh), *how), mesh))
             for copy, columns in zip(copies, found, strict=True):
-                refuse_infinite(columns, function, copy, start, n, dtype, replicated, wide)
+                refuse_infinite(columns, integrand, copy, start, n)
             return found
 
         found = means(start, sizes[0])
-        if not replicated:
+        if replicates is None:
             return found[0]
-        how = dtype, replicated, wide
         few = copies[:_SHOWN]
         count = min(sizes[0], -(-ROWS // len(few)))
-        some = jnp.concatenate([some_values(function, c, jnp.uint32(start), count, *how)[1] for c in few])
+        some = jnp.concatenate([some_values(integrand, copy, jnp.uint32(start), count)[1] for copy in few])
         some = jax.lax.stop_gradient(some)
         spread = jnp.ptp(some, axis=0)
+        settings = {"kind": kind, "limits": limits, "tolerance": tolerance, "level": level}
 
-        def made_of(size: int) -> Estimate:
+        def made_of(n: int) -> Estimate:
             nonlocal spread
             if limits is None:
-                spread = value_range(spread, some, found, function, copies, start, size, *how)
-            return estimate(found, some, spread, like, size, dtype, kind, limits, tolerance, level, moved)
+                spread = value_range(spread, some, found, integrand, copies, start, n)
+            return estimate(found, some, spread, like, moved, dtype, n=n, **settings)
 
         made = made_of(sizes[0])
         for size in sizes[1:]:

@@ -9,16 +9,15 @@ References
 ----------
 .. [1] I. Waudby-Smith, A. Ramdas, "Estimating Means of Bounded Random Variables by Betting", J. R. Stat. Soc.
    B 86, 2024.
-.. [2] J. R. M. Hosking, J. R. Wallis, "Parameter and Quantile Estimation for the Generalized Pareto
-   Distribution", Technometrics 29, 1987.
 """
 
 import math
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
 
 _PART = 0.75
 """Largest fraction of the capital that a bet can lose."""
@@ -78,36 +77,96 @@ def rank(count: int, level: float) -> int:
     return int(np.count_nonzero(1 - 2 * bdtr(ranks - 1, count, 0.5) >= level))
 
 
-def rank_interval(values: NDArray, level: float) -> tuple[NDArray, NDArray]:
-    """Return the ends of the interval for the median, shape (...), of ``values``, shape (count, ...)."""
-    place = rank(len(values), level)
-    ordered = np.sort(values, axis=0)
-    return ordered[place - 1], ordered[len(values) - place]
+def of_rank(values: Any, place: int, xp: Any = np) -> Any:
+    """Return the values of a rank, counted from 0, along the first axis, with derivatives.
 
-
-def tail_index(values: NDArray) -> NDArray:
-    """Return the index of the heavier tail of each column, shape (count, columns), or 0.
-
-    For an index c, values above v have a probability like v**(-1 / c). Their excesses over a large value are
-    generalised Pareto, which gives c by L-moments [2]_: here of the 128 largest of 4096 values. 0 if the 32
-    largest alone have a negative index, since narrow peaks look heavy from afar; for fewer than 512 values;
-    and if at most half of the largest are distinct (counts).
+    JAX computes derivatives outside the float64 mode of a program, where those of ``jnp.sort`` fail.
     """
-    found = np.zeros(values.shape[1])
-    most = min(len(values) // 16, 128)
-    if most < 32:
-        return found
-    for side in (values, -values):
-        largest = np.sort(np.partition(side, -most - 1, axis=0)[-most - 1 :], axis=0)
-        highest, high = (_pareto_index(largest[-count - 1 :]) for count in (max(most // 4, 16), most))
-        found = np.maximum(found, np.where(highest > 0, high, 0))
-    return found
+    if xp is np:
+        return np.sort(values, axis=0)[place]
+    ranks = jnp.argsort(jnp.argsort(jax.lax.stop_gradient(values), axis=0), axis=0)
+    return jnp.sum(values * (ranks == place).astype(values.dtype), axis=0)
 
 
-def _pareto_index(ordered: NDArray) -> NDArray:
-    excesses = ordered[1:] - ordered[0]
-    count = len(excesses)
-    distinct = np.count_nonzero(np.diff(ordered, axis=0), axis=0) > count // 2
-    weights = (2 * np.arange(count) - (count - 1)) / (count - 1)
-    mean, half_difference = excesses.mean(axis=0), (weights[:, None] * excesses).mean(axis=0)
-    return np.where(distinct, 2 - mean / np.where(distinct, half_difference, 1), 0)
+COUNTED = 3
+"""Weight of the squared unseen part in the squared standard error."""
+
+
+def most_unseen(replicates: int, level: float) -> float:
+    """Return the maximum expected count, over all replicates, of an event that none of them saw.
+
+    If it is expected m times in a replicate, with a variance of at most m as for independent points, the
+    replicate sees it with a probability of at least m / (1 + m), by Cantelli's inequality. All replicates
+    miss it with a probability of at most (1 - level) / 2 if m is at least the returned number divided by
+    ``replicates``. The number tends to -log((1 - level) / 2), the rule of three for independent points.
+    """
+    return replicates * (((1 - level) / 2) ** (-1 / replicates) - 1)
+
+
+class Replicates(NamedTuple):
+    """Numbers of an estimate: arrays of the module ``xp``, NumPy or ``jnp``."""
+
+    xp: Any
+    integral: Any
+    error: Any
+    unseen: Any
+    means: Any
+    limits: tuple[float, float] | None
+
+
+def _student(of: Replicates, level: float) -> tuple[Any, Any]:
+    from scipy.special import stdtrit
+
+    count = len(of.means)
+    quantile = float(stdtrit(count - 1, (1 + level) / 2))
+    # The standard error includes a part for unseen events.
+    more = max(most_unseen(count, level) ** 2 - COUNTED * quantile**2, 0)
+    half = quantile * of.error
+    if more:
+        half = of.xp.sqrt(of.xp.square(half) + more * of.xp.square(of.unseen))
+    return of.integral - half, of.integral + half
+
+
+def _ranks(of: Replicates, level: float) -> tuple[Any, Any]:
+    count = len(of.means)
+    place = rank(count, level)
+    if not place:
+        raise ValueError(
+            f"level must be at most {1 - 2.0 ** (1 - count):g} with {count} replicates, got {level!r}"
+        )
+    # The mean of counts differs from their median, by one count if events are rare.
+    more = max(most_unseen(count, level), count) * of.unseen
+    return of_rank(of.means, place - 1, of.xp) - more, of_rank(of.means, count - place, of.xp) + more
+
+
+def _betting(of: Replicates, level: float) -> tuple[Any, Any]:
+    assert of.limits is not None
+    least, most = of.limits
+    unit = of.xp.clip((of.means - least) / (most - least), 0, 1)
+    low, high = betting_interval(unit, level, of.xp)
+    return least + (most - least) * low, least + (most - least) * high
+
+
+class Rule(NamedTuple):
+    """How the ends of an interval follow from the replicates."""
+
+    ends: Callable[[Replicates, float], tuple[Any, Any]]
+    by_ranks: bool
+    """Whether the integral is the median of the replicates, and the ends are order statistics."""
+    heavy: float
+    """Tail index from which intervals are unreliable."""
+    advice: str = ""
+
+
+_MEDIANS = Rule(
+    _ranks, True, 0.55, "medians of means are far from the integral, choose another variable of integration"
+)
+RULES = {
+    "student": Rule(
+        _student, False, 0.3, 'interval="quantile" is more reliable, or another variable of integration'
+    ),
+    "median": _MEDIANS,
+    "quantile": _MEDIANS,
+    "betting": Rule(_betting, False, math.inf),
+}
+"""By the kind of an interval."""

@@ -1,6 +1,7 @@
 """Programs for the mean of a function over points: blocks of points, pairwise and compensated sums."""
 
 import math
+from dataclasses import field
 from typing import Any
 
 import jax
@@ -17,40 +18,23 @@ from qmcjax.sequences import BinarySequence, OwenDigits, Sequence
 
 
 def columns(values: Any, dtype: np.dtype) -> Array:
-    """Return all numbers of a row, with real and imaginary parts, as columns of one floating dtype."""
+    """Return all numbers of a row as columns of one floating dtype."""
     leaves = [jnp.asarray(leaf) for leaf in jax.tree.leaves(values)]
-    parts = [p for leaf in leaves for p in ((leaf.real, leaf.imag) if jnp.iscomplexobj(leaf) else (leaf,))]
-    wide = any(part.dtype == jnp.float64 for part in parts)
+    wide = any(leaf.dtype == jnp.float64 for leaf in leaves)
     common = np.dtype(np.float64) if wide else dtype
-    return jnp.concatenate([part.astype(common).reshape(part.shape[0], -1) for part in parts], axis=1)
+    return jnp.concatenate([leaf.astype(common).reshape(leaf.shape[0], -1) for leaf in leaves], axis=1)
 
 
-def of_columns(columns: Array, like: Any, dtype: np.dtype) -> Any:
+def of_columns(columns: Any, like: Any, dtype: np.dtype) -> Any:
     """Return the numbers of the last axis in the structure of the values, as NumPy arrays if they are."""
-    first = 0
-
-    def next_part(shape: tuple[int, ...]) -> Any:
-        nonlocal first
-        first, begin = first + math.prod(shape), first
-        return columns[..., begin:first].reshape((*columns.shape[:-1], *shape))
-
-    def value(leaf: Any) -> Any:
+    leaves, structure = jax.tree.flatten(like)
+    values, first = [], 0
+    for leaf in leaves:
         shape = leaf.shape[1:]
-        if jnp.issubdtype(leaf.dtype, jnp.complexfloating):
-            real, imaginary = next_part(shape), next_part(shape)
-            return as_complex(real, imaginary).astype(leaf.dtype)
-        return next_part(shape).astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype)
-
-    return jax.tree.map(value, like)
-
-
-def as_complex(real: Any, imaginary: Any) -> Any:
-    """Return complex numbers without multiplying by 1j, which turns infinite parts into NaN."""
-    if isinstance(real, Array):
-        return jax.lax.complex(real, imaginary)
-    made = np.empty(np.shape(real), np.complex128)
-    made.real, made.imag = real, imaginary
-    return made
+        part = columns[..., first : first + math.prod(shape)].reshape((*columns.shape[:-1], *shape))
+        values.append(part.astype(leaf.dtype if jnp.issubdtype(leaf.dtype, jnp.floating) else dtype))
+        first += math.prod(shape)
+    return structure.unflatten(values)
 
 
 ROWS = 4096
@@ -67,27 +51,42 @@ _SEARCHED = 2**16
 
 
 @frozen_pytree
-class _Converted:
-    """A function, separated from the tracers that it closes over."""
+class Integrand:
+    """A function, with the tracers that it closes over as leaves, and the precision of points and values."""
 
-    converted: Any
     function: Any
+    converted: Any
+    """The function for a block of points, with closed-over values as arguments, if there are any."""
     closed_over: Any
+    dtype: np.dtype = field(metadata={"static": True})
+    replicated: bool = field(metadata={"static": True})
+    wide: bool = field(metadata={"static": True})
+    """Whether the caller's floats are float64."""
 
-
-def _call(function: Any, points: Array) -> Any:
-    if isinstance(function, _Converted):
-        converted = plug_ins.unwrap(function.converted)
-        # The function was converted for this number of points.
+    def __call__(self, points: Array) -> Any:
+        if self.converted is None:
+            return plug_ins.unwrap(self.function)(points)
+        converted = plug_ins.unwrap(self.converted)
         size, rows = backends.current().rows, len(points)
         blocks = jnp.pad(points, ((0, -rows % size), (0, 0)), mode="edge").reshape(-1, size, points.shape[1])
-        made = [converted(function.function, block, *function.closed_over) for block in blocks]
+        made = [converted(self.function, block, *self.closed_over) for block in blocks]
         return jax.tree.map(lambda *parts: jnp.concatenate(parts)[:rows], *made)
-    return plug_ins.unwrap(function)(points)
+
+    def columns(self, points: Array) -> Array:
+        with jax.enable_x64(self.wide):
+            values = self(points)
+        return columns(values, np.dtype(np.float64) if self.replicated else self.dtype)
+
+    def points(self, sequence: Sequence, index: Array) -> Array:
+        dims = tuple(range(sequence.dims))
+        if not self.replicated:
+            return sequence.coordinates(index, dims, self.dtype)
+        exact = self.dtype if isinstance(sequence, BinarySequence) else np.dtype(np.float64)
+        return _centred(sequence.coordinates(index, dims, exact), sequence, self.dtype)
 
 
 def _call_checked(function: Any, points: Array) -> Any:
-    made = _call(function, points)
+    made = plug_ins.unwrap(function)(points)
     for leaf in jax.tree.leaves(made):
         if not isinstance(leaf, Array | np.ndarray | np.generic | int | float | complex):
             raise TypeError(f"function must return numbers, got {checks.shown(leaf)}")
@@ -97,8 +96,8 @@ def _call_checked(function: Any, points: Array) -> Any:
 _shaped = jax.jit(_call_checked)
 
 
-def prepare(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
-    """Return a function as a pytree, for :func:`_call`, and the shapes of its values.
+def prepare(function: Any, dims: int, dtype: np.dtype, replicated: bool) -> tuple[Integrand, Any]:
+    """Return a function as a pytree, and the shapes of its values.
 
     Raise a ValueError unless it has one value per row. Differentiable closed-over values become arguments of
     the program.
@@ -113,28 +112,20 @@ def prepare(function: Any, dims: int, dtype: np.dtype) -> tuple[Any, Any]:
         made = jax.eval_shape(_shaped, function, points)
     leaves = jax.tree.leaves(made)
     for leaf in leaves:
-        if leaf.shape[:1] != (rows,) or not _is_number(leaf.dtype):
+        if leaf.shape[:1] != (rows,) or not _is_real(leaf.dtype):
             raise ValueError(
-                f"function must return numbers of shape ({rows}, ...) for points of shape "
+                f"function must return real numbers of shape ({rows}, ...) for points of shape "
                 f"({rows}, {dims}), got {leaf.dtype} {leaf.shape}"
             )
     if not leaves:
         raise ValueError(f"function must return at least one array of values, got {checks.shown(made)}")
-    if closed_over:
-        function = _Converted(plug_ins.wrap("function", converted), function, closed_over)
-    return function, made
+    with_arguments = plug_ins.wrap("function", converted) if closed_over else None
+    wide = jnp.result_type(float) == jnp.float64
+    return Integrand(function, with_arguments, closed_over, dtype, replicated, wide), made
 
 
-def _is_number(dtype: Any) -> bool:
-    return jnp.issubdtype(dtype, jnp.number) or dtype == jnp.bool_
-
-
-def _points(sequence: Sequence, index: Array, dtype: np.dtype, replicated: bool) -> Array:
-    dims = tuple(range(sequence.dims))
-    if not replicated:
-        return sequence.coordinates(index, dims, dtype)
-    exact = dtype if isinstance(sequence, BinarySequence) else np.dtype(np.float64)
-    return _centred(sequence.coordinates(index, dims, exact), sequence, dtype)
+def _is_real(dtype: Any) -> bool:
+    return any(jnp.issubdtype(dtype, kind) for kind in (jnp.integer, jnp.floating, jnp.bool_))
 
 
 def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
@@ -148,32 +139,20 @@ def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
     return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))
 
 
-def _values(function: Any, points: Array, dtype: np.dtype, replicated: bool, wide: bool) -> Array:
-    with jax.enable_x64(wide):  # the precision of the caller
-        values = _call(function, points)
-    return columns(values, np.dtype(np.float64) if replicated else dtype)
-
-
-@jit("n", "dtype", "aligned", "mesh", "traced", "replicated", "wide")
+@jit("n", "aligned", "mesh", "traced")
 def mean_of(
-    function: Any,
+    integrand: Integrand,
     sequence: Sequence,
     start: Array,
     n: int,
-    dtype: np.dtype,
     aligned: bool,
     mesh: Mesh | None,
     traced: bool,
-    replicated: bool,
-    wide: bool,
 ) -> Any:
     """Return the mean of the values; of a replicate, the means of their columns."""
 
-    def values(function: Any, points: Array) -> Array:
-        return _values(function, points, dtype, replicated, wide)
-
-    def of_index(function: Any, sequence: Sequence, index: Array) -> Array:
-        return values(function, _points(sequence, index, dtype, replicated))
+    def of_index(integrand: Integrand, sequence: Sequence, index: Array) -> Array:
+        return integrand.columns(integrand.points(sequence, index))
 
     fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
     rows, caches = backends.current().rows, backends.current().caches
@@ -184,12 +163,14 @@ def mean_of(
         blocks = sequence.blocks(start, batches * size, rows)
 
     def block(parameters: Any, k: Array) -> Array:
-        function, sequence, blocks, start = parameters
+        integrand, sequence, blocks, start = parameters
         row = jax.lax.iota(jnp.uint32, rows)
         if blocks is None:
-            return of_index(function, sequence, start + k * np.uint32(rows) + row)
-        points = sequence.points_of_blocks(blocks.part(k, 1), dtype)
-        return values(function, _centred(points, sequence, dtype) if replicated else points)
+            return of_index(integrand, sequence, start + k * np.uint32(rows) + row)
+        points = sequence.points_of_blocks(blocks.part(k, 1), integrand.dtype)
+        return integrand.columns(
+            _centred(points, sequence, integrand.dtype) if integrand.replicated else points
+        )
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)
@@ -205,19 +186,19 @@ def mean_of(
     if batches:  # For few points, an empty loop would dominate compile time.
         edges = np.arange(_PARTS + 1, dtype=np.uint64) * batches // _PARTS
         edges = np.array(edges if batches >= _PARTS else [0, batches], np.uint32)
-        parameters = (edges[:-1], edges[1:]), function, sequence, blocks, start
+        parameters = (edges[:-1], edges[1:]), integrand, sequence, blocks, start
         total = devices.summed(of_part, mesh, traced, *parameters)
     if rest:
         index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
-        last = _tree_sum(of_index(function, sequence, index))
+        last = _tree_sum(of_index(integrand, sequence, index))
         # A single value, as if added to 0: not -0.
         alone = jnp.where(last == 0, last - jax.lax.stop_gradient(last), last)
         total = alone if total is None else total + last
     mean = total / np.asarray(n, total.dtype)
-    if replicated:
+    if integrand.replicated:
         return mean
-    like = jax.eval_shape(_call, function, jax.ShapeDtypeStruct((rows, sequence.dims), dtype))
-    return of_columns(mean, like, dtype)
+    points = jax.ShapeDtypeStruct((rows, sequence.dims), integrand.dtype)
+    return of_columns(mean, jax.eval_shape(integrand, points), integrand.dtype)
 
 
 def _tree_sum(values: Array) -> Array:
@@ -230,18 +211,17 @@ def _tree_sum(values: Array) -> Array:
     return values[0]
 
 
-def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n: int, *how: Any) -> None:
+def refuse_infinite(means: Any, integrand: Integrand, sequence: Sequence, start: int, n: int) -> None:
     """Raise a ValueError that names the first point with a non-finite value, if there is one."""
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
     for first in range(start, start + n, _SEARCHED):
-        points, values = map(np.asarray, some_values(function, sequence, jnp.uint32(first), _SEARCHED, *how))
+        points, values = map(np.asarray, some_values(integrand, sequence, jnp.uint32(first), _SEARCHED))
         bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
         if bad.size:
-            inner = function.function if isinstance(function, _Converted) else function
-            if isinstance(inner, Bounded):
-                points = np.asarray(inner.places(jnp.asarray(points)))
+            if isinstance(integrand.function, Bounded):
+                points = np.asarray(integrand.function.places(jnp.asarray(points)))
             point = ", ".join(str(x) for x in points[bad[0]])
             raise ValueError(
                 f"function must return finite values, got NaN or infinity at point {first + int(bad[0])}, "
@@ -251,7 +231,7 @@ def refuse_infinite(means: Any, function: Any, sequence: Sequence, start: int, n
 
 
 def value_range(
-    spread: Any, some: Any, means: list[Any], function: Any, copies: list[Any], start: int, n: int, *how: Any
+    spread: Any, some: Any, means: list[Any], integrand: Integrand, copies: list[Any], start: int, n: int
 ) -> Any:
     """Return the range of some values of replicates; if these are equal, search all values for others.
 
@@ -268,31 +248,22 @@ def value_range(
             if not (varied & (low == high)).any():
                 return high - low
             count = np.uint32(min(size, start + n - first))
-            least, most = _least_and_most(function, copy, jnp.uint32(first), count, size, *how)
+            least, most = _least_and_most(integrand, copy, jnp.uint32(first), count, size)
             low, high = np.minimum(low, least), np.maximum(high, most)
     return high - low
 
 
-@jit("size", "dtype", "replicated", "wide")
+@jit("size")
 def _least_and_most(
-    function: Any,
-    sequence: Sequence,
-    first: Array,
-    count: Array,
-    size: int,
-    dtype: np.dtype,
-    replicated: bool,
-    wide: bool,
+    integrand: Integrand, sequence: Sequence, first: Array, count: Array, size: int
 ) -> tuple[Array, Array]:
-    _, values = some_values(function, sequence, first, size, dtype, replicated, wide)
+    _, values = some_values(integrand, sequence, first, size)
     there = (jax.lax.iota(jnp.uint32, size) < count)[:, None]
     least, most = jnp.where(there, values, jnp.inf), jnp.where(there, values, -jnp.inf)
     return least.min(axis=0), most.max(axis=0)
 
 
-@jit("count", "dtype", "replicated", "wide")
-def some_values(
-    function: Any, sequence: Sequence, first: Array, count: int, dtype: np.dtype, replicated: bool, wide: bool
-) -> tuple[Array, Array]:
-    points = _points(sequence, first + jax.lax.iota(jnp.uint32, count), dtype, replicated)
-    return points, _values(function, points, dtype, replicated, wide)
+@jit("count")
+def some_values(integrand: Integrand, sequence: Sequence, first: Array, count: int) -> tuple[Array, Array]:
+    points = integrand.points(sequence, first + jax.lax.iota(jnp.uint32, count))
+    return points, integrand.columns(points)

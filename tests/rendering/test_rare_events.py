@@ -12,7 +12,8 @@ from tables import slow
 import qmcjax as qj
 from figures.shared.integrands import rare_events
 from qmcjax import sequences
-from qmcjax.integration import _estimate
+from qmcjax.integration._estimate import estimate
+from qmcjax.integration._intervals import most_unseen
 
 SOBOL = sequences.sobol(1)
 
@@ -26,8 +27,8 @@ def of_counts(counts, n, spread, limits=None, kind="student"):
     with jax.enable_x64(True):
         found = [jnp.asarray([count / n]) for count in counts]
         some, like = jnp.zeros((n, 1)), jax.ShapeDtypeStruct((4096, 1), jnp.bool_)
-        how = like, n, np.dtype(np.float32), kind, limits, None, 0.95, np.zeros(1)
-        return _estimate.estimate(found, some, np.array([spread]), *how)
+        how = {"n": n, "kind": kind, "limits": limits}
+        return estimate(found, some, np.array([spread]), like, np.zeros(1), np.dtype(np.float32), **how)
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_counts_of_an_interval_cover_exactly(kind, replicates, limits):
 @pytest.mark.parametrize("replicates", [2, 4, 8, 100, 65536])
 def test_what_is_missed_by_all_replicates(replicates):
     """Counts of mean and variance m are 0 with a probability of 1 / (1 + m) if they are 0 or 1 + m."""
-    most = _estimate._most_unseen(replicates, 0.95) / replicates
+    most = most_unseen(replicates, 0.95) / replicates
     assert (1 / (1 + most)) ** replicates == pytest.approx(0.025, rel=1e-9)
     assert most * replicates > -np.log(0.025)  # of independent points
 
@@ -76,7 +77,7 @@ def test_equal_values_are_no_certainty(kind):
 
 def test_numbers_of_a_tree_that_are_equal_are_counted():
     def values(points):
-        return {"x": points[:, 0], "rare": points < 1e-6, "both": jax.lax.complex(points, 0 * points)}
+        return {"x": points[:, 0], "rare": points < 1e-6, "both": points * jnp.float32([[1, 0]])}
 
     found = qj.integrate(values, SOBOL, 64, replicates=4, key=1)
     assert found.reason.startswith("all 256 values seen of 2 of the function's 4 numbers are equal")

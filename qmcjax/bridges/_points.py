@@ -115,7 +115,7 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_points(f"{folder}/net.dat", sequences.hammersley_net(1).points(2))
     ...     print(Path(folder, "net.dat").read_text(), end="")
-    0 0
+    0.0 0.0
     0.5 0.5
     """
     path = checks.path(path)
@@ -132,4 +132,4 @@ def write_points(path: str | PathLike[str], points: ArrayLike) -> None:
     elif suffix == ".npz":
         np.savez_compressed(path, points=known)
     else:
-        np.savetxt(path, exact, fmt="%.17g", delimiter="," if suffix == ".csv" else " ")
+        np.savetxt(path, exact, fmt="%s", delimiter="," if suffix == ".csv" else " ")

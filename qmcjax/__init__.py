@@ -40,7 +40,6 @@ if typing.TYPE_CHECKING:
     from qmcjax.rendering import progress_bar as progress_bar
     from qmcjax.rendering import render as render
     from qmcjax.rendering import render_adaptive as render_adaptive
-    from qmcjax.rendering import render_layers as render_layers
     from qmcjax.rendering import render_passes as render_passes
     from qmcjax.rendering import sliding_means as sliding_means
 else:
@@ -57,7 +56,6 @@ else:
             "progress_bar",
             "render",
             "render_adaptive",
-            "render_layers",
             "render_passes",
             "sliding_means",
         ),

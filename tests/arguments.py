@@ -71,7 +71,6 @@ def right_of_functions():
         "qmcjax.samplers.function.f": [lambda x, y, sample: jnp.zeros((*sample.shape, 2))],
         "qmcjax.boundary_gradient.scene": [scenes.disc()], "qmcjax.estimated_reference.spp": [32],
         "qmcjax.render_passes.sampler": [passes],
-        "qmcjax.render_layers.sampler": [samplers.independent(sequences.sobol(3), 1)],
         "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
         "qmcjax.samplers.blue_noise_mask.channels": [1], "qmcjax.samplers.blue_noise_mask.side": [16],
         "qmcjax.samplers.padded_replications.offsets": [sequences.sobol(4)],
@@ -228,11 +227,11 @@ def right_of_names():
     noun = nouns()
     return {
         "sequence": [noun["sequence"]], "net": [sequences.hammersley_net(4)], "order": [noun["order"]],
-        "sampler": [noun["sampler"]], "scene": [noun["scene"]], "moving": [scenes.moving_edge()],
-        "still": [noun["scene"]], "shifts": [noun["sequence"]], "offsets": [noun["sequence"]],
+        "sampler": [noun["sampler"]], "scene": [noun["scene"]],
+        "shifts": [noun["sequence"]], "offsets": [noun["sequence"]],
         "sampler_of_key": [lambda key: samplers.independent(noun["sequence"], key)],
         "samplers": [{"a": noun["sampler"]}], "spps": [[1, 2]], "function": [half], "f": [half],
-        "needs": [("x", "y")], "width": [4], "height": [4], "spp": [4], "still_spp": [4], "passes": [2],
+        "needs": [("x", "y")], "width": [4], "height": [4], "spp": [4], "passes": [2],
         "n": [4], "m": [2, 4], "side": [2], "dims": [2], "key": [1], "start": [0], "index": [0, 3], "x": [1],
         "y": [2], "sample": [0], "position": [5], "log_side": [1], "a": [3], "radius": [0.3],
         "iterations": [1], "repeats": [1], "steps": [1], "budget_s": [0.01], "seconds": [0.01],

@@ -238,7 +238,7 @@ def test_messages(message):
 LONG = {
     "analysis.search_discrepancy", "analysis.compare", "analysis.broken_promises", "analysis.pixel_means",
     "analysis.design_samples", "analysis.minimize",
-    "analysis.optimize_scrambling", "analysis.optimize_points", "qmcjax.render_layers",
+    "analysis.optimize_scrambling", "analysis.optimize_points",
     "qmcjax.render_adaptive", "qmcjax.boundary_gradient", "qmcjax.estimated_reference",
     "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
     "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",

@@ -2,7 +2,6 @@
 
 from qmcjax.rendering._adaptive import AdaptiveImage as AdaptiveImage
 from qmcjax.rendering._boundary import boundary_gradient as boundary_gradient
-from qmcjax.rendering._motion_blur import render_layers as render_layers
 from qmcjax.rendering._motion_blur import sliding_means as sliding_means
 from qmcjax.rendering._passes import Passes as Passes
 from qmcjax.rendering._passes import estimated_reference as estimated_reference

@@ -44,7 +44,6 @@ LATE = far(5, lambda x, y, sample: (x == 2) & (y == 1) & (sample == 5))
 RENDERS = {
     "render": qj.render,
     "adaptive": qj.render_adaptive,
-    "reference": lambda scene, sampler, *size: qj.render_layers(scene, scene, sampler, *size, size[-1]),
 }
 
 
@@ -62,7 +61,7 @@ OUTSIDE = {
     ("name", "of"),
     [
         *(("render", of) for of in OUTSIDE),
-        *((n, of) for n in ("adaptive", "reference") for of in ("one", "late")),
+        *(("adaptive", of) for of in ("one", "late")),
     ],
 )
 def test_points_outside_are_named(name, of):

@@ -56,8 +56,6 @@ def test_a_scene_is_any_object_with_needs_and_a_call(scene):
     assert (adaptive.saving > 0.5) == isinstance(scene, HalfPlane)
     passes = qj.render_passes(scene, PASSES, SIDE, SIDE, 2)
     assert passes.image.shape == (SIDE, SIDE)
-    both = qj.render_layers(scene, scene, SAMPLER, SIDE, SIDE, SPP, SPP)
-    np.testing.assert_allclose(both.image, IMAGE + (1 - IMAGE) * IMAGE, rtol=0, atol=1e-6)
 
 
 def test_the_same_object_compiles_once():

@@ -250,7 +250,11 @@ def _layers(side: int, cover: NDArray, keys: int) -> tuple[dict[str, NDArray], d
         return seen + (1 - seen) * behind
 
     def invariant(key: int) -> NDArray[np.float64]:
-        return np.asarray(qj.render_layers(BALL_3_5, plate, sampler(key), side, side, SPP, STILL_SPP).image)
+        seen, behind = (
+            np.asarray(qj.render_adaptive(scene, sampler(key), side, side, spp).image)
+            for scene, spp in ((BALL_3_5, SPP), (plate, STILL_SPP))
+        )
+        return seen + (1 - seen) * behind
 
     alone = np.var([still(key, STILL_SPP) for key in range(keys)], axis=0, ddof=1)
     passed = (cover > 0.005) & (cover < 0.3)

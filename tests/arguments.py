@@ -145,8 +145,6 @@ def traced():
     ball = tracing.sphere([0, 0, 0], 1.0)
     world = tracing.world([ball], [tracing.point_light([4, 4, 4], 50.0)])
     camera = tracing.camera([0, 0, 5], [0, 0, 0], shutter=0.5)
-    lens = tracing.camera([0, 0, 5], [0, 0, 0], shutter=0.5, aperture=0.1)
-    flat = tracing.world([tracing.rectangle([-1, -1, 0], [2, 0, 0], [0, 2, 0])])
     fall = motion.affine(None, motion.linear_segments([0, 1], [[0, 2, 5], [0, -2, 5]]))
     falling = tracing.world([tracing.sphere([0, 0, 0], 1.0, motion=fall)], [tracing.environment(1.0)])
     still = tracing.direct_light(world, camera)
@@ -154,7 +152,6 @@ def traced():
     tree = trees.surface_area_tree(BOXES, BOXES + 1)
     low = np.stack([BOXES, BOXES])
     corners = np.stack([low, low + 1, low * 2 + [1, 0, 0]], axis=2)
-    lensed = tracing.direct_light(flat, lens)
     return SimpleNamespace(**locals())
 
 
@@ -167,7 +164,6 @@ QUATERNION = [0.0, 0.0, 0.6, 0.8]
 def right_of_traced():
     """Return what is right for functions of rays, motions and plots."""
     of = traced()
-    line = [[0.0, 0.0], [1.0, 0.0]]
     vector, corners = [0.0, 0.0, 1.0], [np.eye(3)]
     right = {
         "tracing": {
@@ -175,20 +171,17 @@ def right_of_traced():
             "direction": [0.0, 0, -1], "bounces": 0, "low": [0, 0, 0], "high": [1, 1, 1], "position": vector,
             "target": [1, 0, 0], "one": 0.5, "other": 0.2, "base": vector, "axis": vector, "color": 0.5,
             "center": vector, "normal": vector, "radiance": 1.0, "roughness": 0.5,
-            "parts": [tracing.plane(vector, vector)], "count": 2, "line": line,
-            "points": np.full((4, 3), 0.25), "point": vector, "intensity": 1.0, "samples": (1,), "fail": 2,
+            "parts": [tracing.plane(vector, vector)], "intensity": 1.0,
             "corner": vector, "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "vertices": corners,
             "objects": [tracing.sphere(vector, 1.0)],
         },
         "tracing.analytic_visibility": {"scene": of.moving},
-        "tracing.lens_line": {"scene": of.lensed},
-        "tracing.lens_sheared": {"camera": of.lens, "world": of.flat},
         "motion": {
             "curve": lambda t: jnp.stack([t, t], axis=-1), "start": 0.0, "end": 1.0, "segments": 4,
-            "translation": vector, "rotation": QUATERNION, "scale": np.eye(3), "q": QUATERNION,
+            "translation": vector, "q": QUATERNION,
             "a": QUATERNION, "b": QUATERNION, "t": 0.5, "times": TIMES, "vector": vector, "axis": vector,
             "angle": 0.5, "motion": of.fall, "keys": [QUATERNION, QUATERNION], "control": POINTS[:3],
-            "weights": [1, 1, 1], "knots": [0, 0, 0, 1, 1, 1], "degree": 2, "matrix": np.eye(4),
+            "weights": [1, 1, 1], "knots": [0, 0, 0, 1, 1, 1], "degree": 2,
         },
         "motion.affine": {"matrix": np.eye(3)},
         "motion.linear_segments": {"points": BOXES[:2]},
@@ -206,7 +199,7 @@ def right_of_traced():
             "figure": Figure(), "left": 1, "bottom": 1, "zoom": 1, "spectra": np.ones((4, 4)),
             "linear": IMAGE / 5, "name": "Z", "points": POINTS,
         },
-        "camera": {"x": 0.5, "y": 0.5, "time": 0.5, "lens": (), "point": (0.0, 0.0, 1.0), "weight": 1.0},
+        "camera": {"x": 0.5, "y": 0.5, "time": 0.5, "lens": ()},
         "pattern": {"u": 0.5, "v": 0.5, "time": 0.5},
         "path": {"time": 0.5, "u": 0.5, "part": 0.5, "segments": 4, "low": [0, 0, 0], "high": [1, 1, 1]},
         "disc": {"point": [0.5, 0.5], "low": [0.1, 0.1], "high": [0.2, 0.2], "u": [0.5]},
@@ -352,7 +345,7 @@ OBJECTS = {
         "row errors slope ranks",
     ),
     "row": (row, "mean interval"),
-    "camera": (lambda: traced().camera, "times view rays projected"),
+    "camera": (lambda: traced().camera, "times view rays"),
     "pattern.checker": (lambda: tracing.checker(0.5, 0.2), "__call__"),
     "pattern.stripes": (lambda: tracing.stripes(0.5, 0.2), "__call__"),
     "path.affine": (lambda: traced().fall, "__call__ reach"),

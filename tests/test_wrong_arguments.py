@@ -240,7 +240,7 @@ LONG = {
     "analysis.design_samples", "analysis.minimize",
     "analysis.optimize_scrambling", "analysis.optimize_points",
     "qmcjax.render_adaptive", "qmcjax.boundary_gradient", "qmcjax.estimated_reference",
-    "tracing.predictor_corrector", "tracing.photons", "tracing.visible_intervals", "tracing.nearest_hit",
+    "tracing.visible_intervals", "tracing.nearest_hit",
     "motion.slerp", "path.rotations.__call__", "estimator.__call__", "estimator.varies", "moving.__call__",
     "moving.analytic.__call__", "moving.varies", "moving.analytic.varies",
     "moving.analytic.unresolved",

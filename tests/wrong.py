@@ -63,7 +63,6 @@ VALUES = {
     ),
     "motion.affine": dict(matrix=[[1, 2, 3]]),
     "motion.approximated": dict(corners=[[1.0]], start=[1.0]),
-    "motion.decompose": dict(matrix=[np.zeros((4, 4)), np.diag([1, 1, 0, 1])]),
     "motion.linear_segments": dict(times=[[0, 0]]),
     "motion.rotation_box": dict(axis=[[0, 0, 0]], points=[[[1, 2]]]),
     "motion.rotation_spline": dict(keys=[[[0, 0, 0, 1]]]),

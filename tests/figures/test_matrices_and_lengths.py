@@ -2,10 +2,11 @@
 
 from itertools import pairwise
 
+import jax
 import numpy as np
 import pytest
 from scipy.integrate import quad
-from scipy.linalg import expm, logm, sqrtm
+from scipy.linalg import expm, logm, polar, sqrtm
 from scipy.spatial.transform import Rotation
 
 from figures.thesis.chapter_2 import matrices_and_lengths as ours
@@ -42,6 +43,25 @@ def test_alexas_multiples_are_meaningful_and_sums_commute():
     np.testing.assert_allclose(ours.blend(np.eye(4), end, TIMES)[4], sqrtm(end), atol=1e-12)
     np.testing.assert_allclose(np.linalg.det(there), (0.7 ** (1 - TIMES) * 1.9**TIMES) ** 3)
     np.testing.assert_allclose(there[4], expm(0.5 * (logm(start) + logm(end)).real), atol=1e-12)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_matrices_are_decomposed_and_interpolated_by_part(sign):
+    """By the polar decomposition, a reflection in the scale: no volume is below those of both ends."""
+    random = np.random.default_rng(5)
+    parts = []
+    for _ in range(2):
+        rotation, axes = Rotation.random(None, random), Rotation.random(None, random).as_matrix()
+        scale = sign * (axes * random.uniform(0.5, 2, 3)) @ axes.T
+        factor, found = polar(rotation.as_matrix() @ scale)
+        np.testing.assert_allclose([sign * factor, sign * found], [rotation.as_matrix(), scale], atol=1e-12)
+        parts.append((rotation.as_quat(), scale))
+    (one, first), (other, last) = parts
+    with jax.enable_x64(True):
+        turn = np.asarray(motion.rotation_matrix(motion.slerp(one, other, TIMES)))
+    matrices = turn @ (first + TIMES[:, None, None] * (last - first))
+    volumes = abs(np.linalg.det(matrices))
+    assert volumes.min() > min(volumes[0], volumes[-1]) * (1 - 1e-12)
 
 
 @pytest.mark.parametrize("degree", range(11))

@@ -276,24 +276,6 @@ def test_a_spline_of_rotations_is_smooth_and_interpolates():
     assert np.isfinite(jax.jit(jax.jacobian(path))(jnp.float32(0.4))).all()
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-def test_decomposition_and_back(sign):
-    """R S with a symmetric S, R the rotation closest to the matrix; reflections are in S."""
-    rng = np.random.default_rng(5)
-    for key in range(50):
-        rotation = Rotation.random(random_state=key)
-        axes = Rotation.random(random_state=1000 + key).as_matrix()
-        scale = sign * (axes * rng.uniform(0.1, 5, 3)) @ axes.T
-        matrix = np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = rotation.as_matrix() @ scale, rng.normal(size=3)
-        found = motion.decompose(matrix)
-        assert np.allclose(found.scale, scale, atol=1e-13)
-        assert (rotation.inv() * Rotation.from_quat(found.rotation)).magnitude() < 1e-12
-        assert found.rotation[3] >= 0
-        with jax.enable_x64(True):
-            assert np.allclose(motion.compose(*found), matrix, atol=1e-13)
-
-
 def test_a_spline_about_one_axis_reproduces_angles_of_second_degree():
     """Between inner keys, whatever their distances: velocities there are those of parabolas through three."""
     times, axis = np.array([0.0, 1.0, 1.5, 4.0, 5.0]), [1.0, 2.0, -2.0]
@@ -312,14 +294,6 @@ def test_quaternions_that_are_rounded_are_normalised():
     keys = motion.rotation_spline([0, 1], rounded).keys
     np.testing.assert_allclose(np.linalg.norm(keys, axis=1), 1, rtol=1e-15)
     np.testing.assert_allclose(keys, rounded, rtol=1e-4)
-
-
-@pytest.mark.parametrize("size", [1e-20, 1.0, 1e20])
-def test_matrices_are_singular_at_any_size(size):
-    """By the ratio of their factors."""
-    assert np.allclose(motion.decompose(np.diag([size, size, 1e-11 * size, 1])).rotation, [0, 0, 0, 1])
-    with pytest.raises(ValueError, match="matrix must be invertible"):
-        motion.decompose(np.diag([size, size, 1e-13 * size, 1]))
 
 
 def test_the_reach_of_an_affine_map_is_the_box_of_the_corners():

@@ -16,9 +16,9 @@ from figures._rc import BLACK, VERMILLION
 from figures.shared import judged
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, image_grid
+from figures.thesis.chapter_3.moved_pixels import draw
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing.search.rasterization import rasterize
 
 Complex = NDArray[np.complexfloating]
 
@@ -292,7 +292,7 @@ def predict(frames: NDArray, flows: NDArray, time: float) -> NDArray[np.float64]
     images, weights = [], []
     for image, flow, part in zip(frames, flows, (time, 1 - time), strict=True):
         y, x = np.indices(flow.shape[1:]) + part * flow
-        found = rasterize(x, y, -np.hypot(*flow), np.ones_like(x, np.bool_))
+        found = draw(x, y, -np.hypot(*flow), np.ones_like(x, np.bool_))
         moved = np.sum(found.weights[..., None] * image.reshape(-1, 3)[found.vertices], axis=2)
         images.append(np.where(found.covered[..., None], moved, image))
         weights.append(np.broadcast_to(found.covered[..., None] + 1e-9, image.shape) * (1 - part))

@@ -18,6 +18,7 @@ from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curves, name_axes
+from figures.thesis.chapter_3.lines_on_lens import LensLine, diameters
 from qmcjax import samplers, sequences, tracing
 from qmcjax.core.pytrees import pytree
 from qmcjax.tracing import DirectLight
@@ -61,7 +62,7 @@ SIGMA = 1.5
 NOTE = (
     "The scene is ours: boxes on a checkerboard, lit by a point, and small lamps behind; the second row "
     "of boxes is in focus. {side} x {side} pixels are measured; the pictures' samples per line and pixel: "
-    f"{{drawn}}. Lines are `tracing.lens_line` with {SPP} samples per pixel each, consecutive "
+    f"{{drawn}}. Lines are exact along the lens, with {SPP} samples per pixel each, consecutive "
     "parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} on the lens; "
     "its variance is subtracted from mean square errors. 'Points' are images from lens points that all "
     "pixels share (Fig. 3.8); 'samples of the lens' are Owen-scrambled in each pixel, as many as all "
@@ -203,8 +204,8 @@ def _of_lines(
     """Return the image of each line, and the shortest time of one."""
     images, times = [], []
     sobol = samplers.independent(sequences.sobol(3), key)
-    for number, line in enumerate(tracing.lens_lines(count)):
-        of_line = tracing.lens_line(scene, line, ROOM, redistributed=redistributed)
+    for number, line in enumerate(diameters(count)):
+        of_line = LensLine(scene, line, redistributed, ROOM)
         sampler = samplers.as_sampler("sampler", _Later(sobol, np.uint32(spp * _reversed(number, count))))
         image, seconds = timed(scene_images.replicate, of_line, sampler, side, spp)
         images.append(image)

@@ -20,6 +20,7 @@ from figures._rc import BLACK, BLUE, VERMILLION
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.sheets.image_sheets import DPI, GAP, Panel, add_axes, axes_below, image_grid
 from figures.shared.sheets.panels import name_axes
+from figures.thesis.chapter_3.lines_on_lens import LensLine, diameters
 from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.pytrees import pytree
 
@@ -136,7 +137,7 @@ UNIFORM = 0.05
 
 NOTE_3_9 = (
     "Densities are measured: a square light, 1/{part:g} as wide as its picture out of focus, shows the "
-    f"lens itself, by `tracing.lens_line`, {SIDE_3_9} x {SIDE_3_9} pixels, {SPP_3_9} samples per line and "
+    f"lens itself, by exact lines, {SIDE_3_9} x {SIDE_3_9} pixels, {SPP_3_9} samples per line and "
     "pixel. The density in rings of equal width is that of the mean of {many} diameters over that of a "
     "disc, blurred by the light as well. Evenly sampled diameters have the density 1 / (2 r), infinite in "
     'the middle. Where t runs evenly over [-1, 1], sign(t) sqrt(|t|) makes it uniform: the "sqrt(t)-like" '
@@ -197,8 +198,8 @@ def _pictures(count: int, redistributed: bool) -> NDArray[np.float64]:
     camera = tracing.camera([0, 0, 0], [0, 0, -1], aperture=1.0, fov=fov)
     scene = tracing.direct_light(tracing.world([light]), camera)
     images = []
-    for key, line in enumerate(tracing.lens_lines(count)):
-        of_line = tracing.lens_line(scene, line, 2, redistributed=redistributed)
+    for key, line in enumerate(diameters(count)):
+        of_line = LensLine(scene, line, redistributed, 2)
         sampler = samplers.independent(sequences.sobol(3), key)
         images.append(scene_images.replicate(of_line, sampler, SIDE_3_9, SPP_3_9))
     return np.stack(images)[..., 0]
@@ -265,7 +266,7 @@ def _of_parallel(ways: NDArray, places: NDArray) -> NDArray[np.float64]:
 
 
 def _of_diameters(redistributed: bool, ways: NDArray, places: NDArray) -> NDArray[np.float64]:
-    slope = (ways @ tracing.lens_lines(COUNT)[:, 1].T)[:, None]
+    slope = (ways @ diameters(COUNT)[:, 1].T)[:, None]
     slope = np.where(abs(slope) < 1e-12, 1e-12, slope)
     end = np.clip(places[None, :, None] / slope, -1, 1)
     mass = end * abs(end) if redistributed else end
@@ -321,7 +322,7 @@ def _pattern(axes: Axes, name: str) -> None:
         half = np.sqrt(1 - height**2)
         ends = np.stack([np.stack([-half, height], axis=-1), np.stack([half, height], axis=-1)], axis=1)
     else:
-        ends = tracing.lens_lines(COUNT)
+        ends = diameters(COUNT)
         step = np.sign(step) * np.sqrt(abs(step)) if "sqrt" in name else step
     axes.add_collection(LineCollection(list(ends), color="0.7", lw=0.8))
     if "parallel" not in name:

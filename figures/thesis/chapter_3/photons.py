@@ -14,6 +14,7 @@ from figures.plot import Style
 from figures.shared import judged
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
+from figures.thesis.chapter_3.photon_maps import Photons, emit
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -61,7 +62,7 @@ NOTE = (
 Found = dict[str, dict[str, dict[str, Any]]]
 """What is best, by kind and number of photons."""
 
-Maps = dict[str, tracing.Photons]
+Maps = dict[str, Photons]
 """By kind."""
 
 
@@ -129,16 +130,16 @@ def _world() -> tracing.World:
     return tracing.world([floor, square(STILL), square(MOVING, motion=slides)], [light])
 
 
-def _sent(world: tracing.World, kind: str, log: int, batches: int) -> tracing.Photons:
+def _sent(world: tracing.World, kind: str, log: int, batches: int) -> Photons:
     """Return photons of so many batches of one size, for which there is one program."""
     rng = np.random.default_rng(KEY)
     found = []
     for _ in range(batches):
         points = rng.random((2**log, 3), np.float32)
-        found.append(tracing.photons(world, points, intervals=8 if kind == "intervals" else None))
+        found.append(emit(world, points, 8 if kind == "intervals" else None))
     names = "position", "incoming", "energy", "start", "end", "shape"
     of_all: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in found]) for name in names}
-    return tracing.Photons(**of_all | {"energy": of_all["energy"] / batches}, shutter=found[0].shutter)
+    return Photons(**of_all | {"energy": of_all["energy"] / batches})
 
 
 def _exact(x: NDArray, z: NDArray, time: float) -> NDArray[np.float64]:
@@ -151,13 +152,13 @@ def _exact(x: NDArray, z: NDArray, time: float) -> NDArray[np.float64]:
     return np.where(lit, HEIGHT / (x * x + z * z + HEIGHT**2) ** 1.5, 0)
 
 
-def _estimate(found: tracing.Photons, floor: NDArray, times: Any, radius: float, window: float) -> NDArray:
+def _estimate(found: Photons, floor: NDArray, times: Any, radius: float, window: float) -> NDArray:
     images = [found.irradiance(floor, [0.0, 1, 0], time, radius, window)[..., 0] for time in times]
     return np.stack(images)
 
 
 def _best(
-    found: tracing.Photons,
+    found: Photons,
     kind: str,
     floor: NDArray,
     times: NDArray,

@@ -19,6 +19,8 @@ from figures._rc import BLUE, GREY, VERMILLION
 from figures.shared.rendered import scene_images
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
+from figures.thesis.chapter_3.moved_pixels import triangles_between
+from figures.thesis.chapter_3.predicted_images import Predicted, Step, predict, project
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
 
@@ -128,10 +130,8 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     count = 2**LEVELS + 1
     scene = sliding_box()
 
-    def found(checks: int) -> tracing.PredictorCorrector:
-        return tracing.predictor_corrector(
-            scene, size.side, size.side, (checks,) * LEVELS, size.spp, 1, contrast=CONTRAST
-        )
+    def found(checks: int) -> Predicted:
+        return predict(scene, size.side, (checks,) * LEVELS, size.spp, 1, CONTRAST)
 
     raw, corrected = found(0), found(CHECKS)
     progress(0.3)
@@ -196,7 +196,7 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 
-def _recursion(axes: Axes, steps: tuple[tracing.Step, ...], count: int) -> None:
+def _recursion(axes: Axes, steps: tuple[Step, ...], count: int) -> None:
     """Draw which intervals each is predicted from, by level."""
     levels = {0: 0, count - 1: 0} | {step.middle: step.level for step in steps}
     for step in steps:
@@ -240,8 +240,8 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     size = SIZES_3_6[quality]
     side = size.side
 
-    def found(scene: Any, checks: int) -> tracing.PredictorCorrector:
-        return tracing.predictor_corrector(scene, side, side, (checks,), size.spp, 1, contrast=CONTRAST)
+    def found(scene: Any, checks: int) -> Predicted:
+        return predict(scene, side, (checks,), size.spp, 1, CONTRAST)
 
     scene = sliding_box(SHAKEN)
     raw, checked = found(scene, 0), found(scene, CHECKS)
@@ -302,9 +302,7 @@ def _mesh(axes: Axes, image: NDArray, time: float) -> None:
     u, v, depth = (np.asarray(a) for a in _project(point, jnp.full_like(point[:, 0], time)))
     block = len(image) // MESH
     colors = shown(image.reshape(MESH, block, MESH, block, 3).mean(axis=(1, 3))).reshape(-1, 3)
-    pixel = np.arange(MESH * MESH).reshape(MESH, MESH)
-    a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
-    triangles = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+    triangles = triangles_between(MESH, MESH)
     order = np.argsort(-depth[triangles].mean(axis=1))
     triangles = triangles[order]
     corners = np.stack([u[triangles], 1 - v[triangles]], axis=-1)
@@ -316,7 +314,7 @@ def _mesh(axes: Axes, image: NDArray, time: float) -> None:
 
 @jax.jit
 def _project(point: jax.Array, time: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    return SHAKEN.projected((point[:, 0], point[:, 1], point[:, 2]), jnp.ones_like(time), time)
+    return project(SHAKEN, (point[:, 0], point[:, 1], point[:, 2]), jnp.ones_like(time), time)
 
 
 def _parity(axes: Axes) -> None:

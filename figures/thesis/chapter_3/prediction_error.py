@@ -15,7 +15,8 @@ from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, axes_below, image_grid
 from figures.shared.sheets.panels import curve, name_axes
 from figures.thesis.chapter_3 import prediction
-from qmcjax import samplers, sequences, tracing
+from figures.thesis.chapter_3.predicted_images import predict
+from qmcjax import samplers, sequences
 
 
 class Size(NamedTuple):
@@ -72,10 +73,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     # The most samples first: they show where something changes.
     for done, fail in enumerate(reversed(size.fails), start=1):
         checks = tuple(max(fail // 2 ** (level + 1), 1) for level in range(1, LEVELS + 1))
-        found = [
-            tracing.predictor_corrector(scene, side, side, checks, fail, key, contrast=CONTRAST)
-            for key in range(size.keys)
-        ]
+        found = [predict(scene, side, checks, fail, key, CONTRAST) for key in range(size.keys)]
         spent = float(np.mean([one.samples.mean() for one in found])) * count
         images = np.stack([one.image for one in found]).astype(np.float64)
         if not regions:

@@ -21,7 +21,6 @@ from qmcjax.tracing._shapes.vectors import (
     Vector,
     components,
     cross,
-    dot,
     each,
     length,
     minus,
@@ -121,33 +120,6 @@ class Camera:
         if frame is not None:
             origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
         return Sight(origin, unit(seen), time)
-
-    def projected(self, point: Vector, weight: Array, time: Array) -> tuple[Array, Array, Array]:
-        """Return the screen positions of points at some times, seen through the centre of the lens.
-
-        The result is (x, y) of :meth:`rays`, and the depth along the view, positive in front of the camera.
-        Points of weight 0 are directions (points at infinity).
-        """
-        if not isinstance(point, tuple | list) or len(point) != 3:
-            raise TypeError(f"point must be three components, got {checks.shown(point)}")
-        x, y, z, weight, time = together(
-            **{f"point[{j}]": floats("point", part) for j, part in enumerate(point)},
-            weight=floats("weight", weight),
-            time=floats("time", time),
-        )
-        point, half = (x, y, z), jnp.full_like(time, 0.5)
-        view = self.view(half, half)
-        frame = Object((), self.motion, None).frame(time)
-        if frame is not None:
-            point = frame.inside(minus(point, times(weight, frame.translation)))
-        seen = minus(point, times(weight, view.origin))
-        depth = dot(seen, view.seen)
-        safe = jnp.where(depth == 0, 1, depth)
-        number = cast({"fov": self.fov, "aspect": self.aspect}, time.dtype)
-        above = jnp.tan(number["fov"] * (np.pi / 360))
-        x = dot(seen, view.right) / (safe * above * number["aspect"])
-        y = dot(seen, view.upward) / (safe * above)
-        return 0.5 * (1 + x), 0.5 * (1 - y), depth
 
 
 def camera(

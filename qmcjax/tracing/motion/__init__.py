@@ -5,10 +5,7 @@ shape (..., 4), with the scalar last.
 """
 
 from qmcjax.tracing.motion._affine import Affine as Affine
-from qmcjax.tracing.motion._affine import Decomposition as Decomposition
 from qmcjax.tracing.motion._affine import affine as affine
-from qmcjax.tracing.motion._affine import compose as compose
-from qmcjax.tracing.motion._affine import decompose as decompose
 from qmcjax.tracing.motion._arc_length import ArcLength as ArcLength
 from qmcjax.tracing.motion._nurbs import Nurbs as Nurbs
 from qmcjax.tracing.motion._nurbs import nurbs as nurbs

@@ -1,23 +1,21 @@
 """Predicted images: shifts and brute force as truth, the recursion, and what samples correct."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from refusals import refused
 
+from figures.thesis.chapter_3 import moved_pixels
+from figures.thesis.chapter_3.predicted_images import DeepImage, Renderer, Step, predict, project, recursion
 from qmcjax import tracing
 from qmcjax.tracing import motion
-from qmcjax.tracing._estimators.deep_image import DeepImage, Renderer
-from qmcjax.tracing._estimators.predictor import _steps
-from qmcjax.tracing.search.rasterization import rasterize
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
-WIDTH, HEIGHT = 16, 12
-AHEAD = {"fov": 2 * np.degrees(np.arctan(0.5)), "aspect": WIDTH / HEIGHT}
+SIDE = 12
+FOV = 2 * np.degrees(np.arctan(0.5))
 """At the distance 1 the image is 1 high."""
 
 
@@ -37,26 +35,31 @@ def flash(u, v, time):
     return ((abs(time - 0.5) < 0.16666).astype(u.dtype),) * 3
 
 
-def wall(texture, path=None):
+STANDS = [[0.0, 0, 0], [0, 0, 0]]
+
+
+def scene(texture, path=STANDS, turn=None, high=3.0, **of_camera):
     """Return a shining wall at the distance 1, larger than the image."""
-    moves = None if path is None else motion.affine(None, motion.linear_segments([0, 1], path))
-    return tracing.rectangle(
-        [-3.0, -3.0, -1.0], [6, 0, 0], [0, 6, 0], motion=moves, material=tracing.emitter(texture)
+    if not isinstance(path, motion.LinearSegments):
+        path = motion.linear_segments([0, 1], path)
+    wall = tracing.rectangle(
+        [-3.0, -high, -1.0],
+        [6, 0, 0],
+        [0, 2 * high, 0],
+        motion=motion.affine(turn, path),
+        material=tracing.emitter(texture),
+    )
+    return tracing.direct_light(
+        tracing.world([wall]), tracing.camera([0, 0, 0], [0, 0, -1], fov=FOV, **of_camera)
     )
 
 
-def scene(*objects, **of_camera):
-    camera = tracing.camera([0, 0, 0], [0, 0, -1], **AHEAD | of_camera)
-    return tracing.direct_light(tracing.world(list(objects)), camera)
+def predicted(of, samples=(0,), fail=4, key=3, contrast=0.3):
+    return predict(of, SIDE, samples, fail, key, contrast)
 
 
-def predicted(of, samples=(0,), fail=4, **other):
-    return tracing.predictor_corrector(of, WIDTH, HEIGHT, samples, fail, 3, **other)
-
-
-@pytest.mark.parametrize("shutter", [(0.0, 1.0), pytest.param(0.5, marks=pytest.mark.slow)])
-def test_what_stands_still_is_predicted_exactly(shutter):
-    found = predicted(scene(wall(Waves()), shutter=shutter), (0, 0))
+def test_what_stands_still_is_predicted_exactly():
+    found = predicted(scene(Waves()), (0, 0))
     first, second, third, fourth, last = found.images
     assert abs(first - last).max() > 1e-3
     np.testing.assert_allclose(third, 0.5 * (first + last), atol=1e-6)
@@ -70,16 +73,11 @@ def test_what_stands_still_is_predicted_exactly(shutter):
 @pytest.mark.parametrize("by_camera", [False, True])
 def test_translation_is_a_shift(by_camera):
     """By 2 1/2 pixels from the first image to the middle one, and back from the last: means of neighbours."""
-    pixels = 2.5
-    way = 3 * pixels / HEIGHT
-    path = np.array([[0.0, 0, 0], [way, 0, 0]])
-    if by_camera:
-        of = scene(wall(Waves()), motion=motion.affine(None, motion.linear_segments([0, 1], -path)))
-    else:
-        of = scene(wall(Waves(), path))
-    found = predicted(of)
+    path = np.array([[0.0, 0, 0], [3 * 2.5 / SIDE, 0, 0]])
+    moves = motion.affine(None, motion.linear_segments([0, 1], -path))
+    found = predicted(scene(Waves(), motion=moves) if by_camera else scene(Waves(), path))
     first, middle, last = found.images.astype(np.float64)
-    for x in range(3, WIDTH - 3):
+    for x in range(3, SIDE - 3):
         from_first = 0.5 * (first[:, x - 3] + first[:, x - 2])
         from_last = 0.5 * (last[:, x + 2] + last[:, x + 3])
         np.testing.assert_allclose(middle[:, x], 0.5 * (from_first + from_last), atol=2e-5)
@@ -91,19 +89,9 @@ def test_translation_is_a_shift(by_camera):
 @pytest.mark.slow
 def test_rotation_and_depth_are_predicted():
     """A wall that turns and comes near: what is known exactly, up to interpolation and noise."""
-    turn = motion.rotation_spline(
-        [0, 1], [motion.quaternion([0, 0, 1], 0.0), motion.quaternion([0, 0, 1], 0.9)]
-    )
-    path = motion.linear_segments([0, 1], [[0, 0, 0], [0, 0, 0.15]])
-    tile = tracing.rectangle(
-        [-3.0, -3.0, -1.0],
-        [6, 0, 0],
-        [0, 6, 0],
-        motion=motion.affine(turn, path),
-        material=tracing.emitter(Waves()),
-    )
-    found = predicted(scene(tile), fail=64)
-    sampled = predicted(scene(tile), (64,), fail=64, contrast=0.0)
+    turn = motion.rotation_spline([0, 1], [motion.quaternion([0, 0, 1], angle) for angle in (0.0, 0.9)])
+    of = scene(Waves(), [[0, 0, 0], [0, 0, 0.15]], turn)
+    found, sampled = predicted(of, fail=64), predicted(of, (63,), fail=64, contrast=0.0)
     error = abs(found.images[1] - sampled.images[1])
     apart = abs(0.5 * (found.images[0] + found.images[2]) - sampled.images[1])
     assert error.max() < 0.05 and np.sqrt(np.mean(apart**2)) > 3 * np.sqrt(np.mean(error**2))
@@ -114,20 +102,18 @@ def test_projection_inverts_rays():
     turn = motion.rotation_spline([0, 1], [[0, 0, 0, 1.0], motion.quaternion([1, 1, 0], 0.8)])
     moves = motion.affine(turn, motion.linear_segments([0, 1], [[0, 1, 0], [2, 0, 1]]))
     camera = tracing.camera([1, 2, 3], [0, 0, 0], fov=50, aspect=1.5, motion=moves)
-    rng = np.random.default_rng(1)
-    x, y, time, away = (jnp.asarray(a) for a in rng.random((4, 50), np.float32))
+    x, y, time, away = (jnp.asarray(a) for a in np.random.default_rng(1).random((4, 50), np.float32))
 
     @jax.jit
     def there_and_back(x, y, time, away):
         sight = camera.rays(x, y, time, ())
-        point = tuple(o + (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
-        behind = tuple(o - (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
         one = jnp.ones_like(time)
-        return (
-            camera.projected(point, one, time),
-            camera.projected(sight.direction, 0 * one, time),
-            camera.projected(behind, one, time),
+        ahead, behind = (
+            tuple(o + sign * (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
+            for sign in (1, -1)
         )
+        given = (ahead, one), (sight.direction, 0 * one), (behind, one)
+        return [project(camera, *of, time) for of in given]
 
     for got, sign in zip(there_and_back(x, y, time, away), (1, 1, -1), strict=True):
         np.testing.assert_allclose(got[:2], [x, y], atol=3e-6)
@@ -137,21 +123,18 @@ def test_projection_inverts_rays():
 @pytest.mark.parametrize("levels", range(1, 7))
 def test_the_recursion_visits_every_interval_once(levels):
     known = {0, 2**levels}
-    for step in _steps(levels):
+    for step in recursion(levels):
         assert {step.left, step.right} <= known and step.middle not in known
-        assert 2 * step.middle == step.left + step.right and step.right - step.left == 2 ** (
-            levels - step.level + 1
-        )
+        assert 2 * step.middle == step.left + step.right
+        assert step.right - step.left == 2 ** (levels - step.level + 1)
         known.add(step.middle)
     assert known == set(range(2**levels + 1))
 
 
 def test_what_cannot_be_averaged_alternates():
     """Colours are means; of the rest, pixels whose x xor y is odd have that of the second image."""
-    rng = np.random.default_rng(1)
-    of = scene(wall(Waves()))
-    render = Renderer(of, WIDTH, HEIGHT, 3, None)
-    count = WIDTH * HEIGHT
+    rng, count = np.random.default_rng(1), SIDE * SIDE
+    render = Renderer(scene(Waves()), SIDE, 3, None)
     one, other = (
         DeepImage(
             rng.random((count, 3), np.float32),
@@ -162,8 +145,8 @@ def test_what_cannot_be_averaged_alternates():
         )
         for _ in range(2)
     )
-    got, covered = render.predict(one, other, tracing.Step(0, 1, 2, 1))
-    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    got, covered = render.predict(one, other, Step(0, 1, 2, 1))
+    y, x = np.mgrid[:SIDE, :SIDE]
     second = (x.ravel() ^ y.ravel()) % 2 == 1
     assert covered.all() and 0.4 < second.mean() < 0.6
     np.testing.assert_allclose(got.color, 0.5 * (one.color + other.color), atol=1e-6)
@@ -177,7 +160,7 @@ def test_triangles_are_drawn_as_one_by_one():
     height, width = 5, 6
     y, x = np.mgrid[:height, :width] + rng.normal(size=(2, height, width)) * 1.5
     depth, seen = rng.random((height, width)), rng.random((height, width)) < 0.9
-    got = rasterize(x, y, depth, seen)
+    got = moved_pixels.draw(x, y, depth, seen)
     pixel = np.arange(height * width).reshape(height, width)
     quads = [
         (pixel[i, j], pixel[i, j + 1], pixel[i + 1, j], pixel[i + 1, j + 1])
@@ -186,27 +169,25 @@ def test_triangles_are_drawn_as_one_by_one():
     ]
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (b, c, d)) if seen.ravel()[list(t)].all()]
     place = np.stack([x.ravel(), y.ravel()], axis=-1)
-    for i in range(height):
-        for j in range(width):
-            best, which = np.inf, None
-            for t in triangles:
-                matrix = np.concatenate([place[list(t)].T, np.ones((1, 3))])
-                weights = np.linalg.solve(matrix, [j, i, 1])
-                if (weights >= 0).all() and weights @ depth.ravel()[list(t)] < best:
-                    best, which = weights @ depth.ravel()[list(t)], (t, weights)
-            assert got.covered[i, j] == (which is not None)
-            if which is not None:
-                order = np.argsort(got.vertices[i, j])
-                assert tuple(got.vertices[i, j][order]) == tuple(sorted(which[0]))
-                np.testing.assert_allclose(got.weights[i, j][order], which[1], atol=1e-9)
-                np.testing.assert_allclose(got.depth[i, j], best)
+    for i, j in np.ndindex(height, width):
+        best, which = np.inf, None
+        for t in triangles:
+            matrix = np.concatenate([place[list(t)].T, np.ones((1, 3))])
+            weights = np.linalg.solve(matrix, [j, i, 1])
+            if (weights >= 0).all() and weights @ depth.ravel()[list(t)] < best:
+                best, which = weights @ depth.ravel()[list(t)], (t, weights)
+        assert got.covered[i, j] == (which is not None)
+        if which is not None:
+            order = np.argsort(got.vertices[i, j])
+            assert tuple(got.vertices[i, j][order]) == tuple(sorted(which[0]))
+            np.testing.assert_allclose(got.weights[i, j][order], which[1], atol=1e-9)
     assert 0 < got.covered.sum() < got.covered.size
 
 
 def test_samples_correct_what_is_not_predicted():
     """A flash at half time: without samples it is missed, with one of each pixel seen."""
-    of = scene(wall(flash))
-    for count, seen, taken in ((0, 0.0, 0), (1, 1.0, 5), (5, 1.0, 5)):
+    of = scene(flash)
+    for count, seen, taken in ((0, 0.0, 0), (1, 1.0, 5)):
         found = predicted(of, (count,), 5)
         np.testing.assert_allclose(found.images[1], seen, atol=1e-6)
         np.testing.assert_allclose(found.image, seen / 3, atol=1e-6)
@@ -217,26 +198,17 @@ def test_samples_correct_what_is_not_predicted():
 
 
 @pytest.mark.slow
-def test_samples_are_those_of_other_numbers_everywhere():
-    """Of pixels, of blocks of them, of intervals, and of the samples that are added to some."""
-    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
-    render = Renderer(of, 4, 4, 3, jax.random.key(1))
-    pixels = np.tile(np.arange(16), 4)
+def test_samples_are_those_of_other_numbers_everywhere_and_all_count_alike():
+    """Of pixels, blocks, intervals and samples added; where the prediction of one colour is wrong."""
+    render = Renderer(scene(Waves(), [[0, 0, 0], [1, 0, 0]]), 4, 3, jax.random.key(1))
+    pixels, every = np.tile(np.arange(16), 4), np.arange(16)
     drawn = [render.sample(interval, pixels, 1, first).time for interval, first in ((0, 0), (0, 1), (1, 0))]
     within = np.concatenate([drawn[0], drawn[1], drawn[2] - np.float32(1 / 3)])
     assert len(np.unique(within.round(6))) == 3 * 64
-
-
-@pytest.mark.slow
-def test_all_samples_of_a_pixel_count_alike():
-    """Those that check it and those that are added, where the prediction of one colour is wrong."""
-    of = scene(wall(Waves(), [[0, 0, 0], [1, 0, 0]]))
-    render = Renderer(of, 4, 4, 3, jax.random.key(1))
-    step, every = tracing.Step(0, 1, 2, 1), np.arange(16)
     checked, added = render.sample(1, every, 2, 0).color, render.sample(1, every[5:6], 6, 1).color
     wrong = render.sample(1, every, 2, 0)
     wrong.color[5, 2] *= 3
-    found, taken = render.correct(wrong, every >= 0, step, 2, 8, 0.3)
+    found, taken = render.correct(wrong, every >= 0, Step(0, 1, 2, 1), 2, 8, 0.3)
     assert taken.tolist() == [8 if pixel == 5 else 2 for pixel in every]
     np.testing.assert_allclose(found.color[5], (2 * checked[5] + 6 * added[0]) / 8, rtol=1e-6)
     np.testing.assert_array_equal(found.color[every != 5], checked[every != 5])
@@ -245,43 +217,8 @@ def test_all_samples_of_a_pixel_count_alike():
 @pytest.mark.slow
 def test_borders_where_nothing_is_drawn_are_sampled():
     """A wall that slides by more than the image, away and back: nothing of the ends is in the middle."""
-    way = 40 / HEIGHT
+    way = 40 / SIDE
     path = motion.linear_segments([0, 0.5, 1], [[0.0, -way, 0], [0, 0, 0], [0, -way, 0]])
-    moving = tracing.rectangle(
-        [-3.0, -9.0, -1.0],
-        [6, 0, 0],
-        [0, 18, 0],
-        motion=motion.affine(None, path),
-        material=tracing.emitter(0.5),
-    )
-    found = predicted(scene(moving), (1, 0), 4)
+    found = predicted(scene(0.5, path, high=9.0), (1, 0), 4)
     assert (found.samples[2] == 4).any() and 0 in found.samples[[1, 3]]
     np.testing.assert_allclose(found.images, 0.5, atol=1e-6)
-
-
-def test_keys_and_counts():
-    of = scene(wall(Waves(), [[0.0, 0, 0], [0.2, 0.1, 0]]))
-    one, same = predicted(of, (2, 1)), predicted(of, [2, 1])
-    np.testing.assert_array_equal(one.image, same.image)
-    other = tracing.predictor_corrector(of, WIDTH, HEIGHT, (2, 1), 4, 4)
-    assert abs(one.image - other.image).max() > 1e-4
-    assert set(np.unique(one.samples[2])) <= {2, 4} and set(np.unique(one.samples[[1, 3]])) <= {1, 4}
-
-
-STILL = scene(wall(Waves()))
-CORNERS = np.array([[[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]])
-RIGHT = {"scene": STILL, "width": 2, "height": 2, "samples": (1,), "fail": 4, "key": 1}
-
-test_wrong_arguments = refused(
-    ({"scene": STILL.world}, TypeError, "scene must be made by"),
-    (
-        {"scene": replace(STILL, camera=tracing.camera([0, 0, 0], [0, 0, -1], aperture=0.1))},
-        ValueError,
-        "scene must have a camera without a lens",
-    ),
-    ({"scene": scene(tracing.triangles(CORNERS, CORNERS + 1))}, TypeError, "scene must move by motions"),
-    ({"samples": ()}, TypeError, "samples must be a tuple"),
-    ({"samples": (5,)}, ValueError, "samples must be an integer"),
-    ({"contrast": -0.1}, ValueError, "contrast must be in"),
-    call=lambda wrong: tracing.predictor_corrector(**RIGHT | wrong),
-)

@@ -1,4 +1,4 @@
-"""Triangles of a moved grid of pixels, by depth."""
+"""Images whose pixels move: two triangles between each four adjacent ones, by depth (thesis, Fig. 3.6)."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class Rasterized(NamedTuple):
+class Drawn(NamedTuple):
     """The triangle in front in each pixel, arrays of shape (height, width, ...)."""
 
     covered: NDArray[np.bool_]
@@ -15,21 +15,23 @@ class Rasterized(NamedTuple):
     """(..., 3): its vertices, as pixel numbers in row-major order."""
     weights: NDArray[np.float64]
     """(..., 3): their barycentric weights, which sum to 1."""
-    depth: NDArray[np.float64]
 
 
-def rasterize(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Rasterized:
-    """Rasterize two triangles for each four adjacent pixels, with moved vertices.
-
-    All candidates, pairs of a triangle and a pixel of its bounding box, are tested at once.
-
-    Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). Depth
-    is linear between vertices; the smallest is in front. Triangles with an unseen vertex are omitted.
-    """
-    height, width = x.shape
+def triangles_between(height: int, width: int) -> NDArray[np.intp]:
+    """Return the corners of all triangles, (n, 3), as pixel numbers."""
     pixel = np.arange(height * width).reshape(height, width)
     a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
-    corners = np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+    return np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+
+
+def draw(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Drawn:
+    """Draw the triangles whose vertices are all seen: those in front, of the smallest depth.
+
+    Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). All
+    pairs of a triangle and a pixel of its bounding box are tested at once.
+    """
+    height, width = x.shape
+    corners = triangles_between(height, width)
     corners = corners[seen.ravel()[corners].all(axis=1)]
     at_x, at_y = x.ravel().astype(np.float64)[corners], y.ravel().astype(np.float64)[corners]
     # Boxes in whole pixels, clipped to the image.
@@ -56,9 +58,6 @@ def rasterize(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -
     front = order[first]
     covered = np.zeros(height * width, bool)
     vertices, parts = np.zeros((height * width, 3), np.intp), np.zeros((height * width, 3))
-    nearest = np.full(height * width, np.inf)
     covered[place], vertices[place], parts[place] = True, corners[triangle[front]], weights[front]
-    nearest[place] = near[front]
     shape = height, width
-    corners, parts = vertices.reshape(*shape, 3), parts.reshape(*shape, 3)
-    return Rasterized(covered.reshape(shape), corners, parts, nearest.reshape(shape))
+    return Drawn(covered.reshape(shape), vertices.reshape(*shape, 3), parts.reshape(*shape, 3))

@@ -11,7 +11,7 @@ from tables import slow
 from test_trees import blob, mesh, searched, without_trees
 
 from qmcjax import tracing
-from qmcjax.tracing.search import compiled_world, intersection, program
+from qmcjax.tracing.search import intersection, program
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -50,7 +50,7 @@ TIME = np.linspace(0, 1, len(ORIGIN), dtype=np.float32)
 FINDERS = {
     "loops": lambda world, *given: searched(without_trees(world), *given, intersector=program.by_program),
     "trees": lambda world, *given: searched(world, *given, intersector=program.by_program),
-    "compiled": lambda world, *given: searched(world, *given, intersector=compiled_world.search),
+    "compiled": lambda world, *given: searched(world, *given, intersector=intersection.compiled),
 }
 
 
@@ -91,10 +91,11 @@ def test_hits_do_not_depend_on_lengths_of_normals_and_directions(normal):
     assert np.array_equal(before, tracing.any_hit(world, ORIGIN, WAY, 0.0, limit))
 
 
-@pytest.mark.parametrize("count", [1, *slow(intersection._FEW + 1)])
-def test_directions_of_all_lengths_hit_or_are_refused(count):
-    """Few bodies are searched by a program of JAX, more by compiled loops."""
-    world = tracing.world([tracing.sphere([0, 0, 5 + 3 * k], 1.0) for k in range(count)])
+@pytest.mark.parametrize("kind", ["sphere", *slow("mesh")])
+def test_directions_of_all_lengths_hit_or_are_refused(kind):
+    """Also by the compiled walk through the tree of a mesh."""
+    faces = np.float32([[[-1, -1, z], [3, -1, z], [-1, 3, z]] for z in (5, 7)])
+    world = tracing.world([tracing.sphere([0, 0, 5], 1.0) if kind == "sphere" else mesh(faces)])
     origin, lengths = [0.0, 0.0, 0.0], np.float32([1e-30, 1e-19, 1.0, 1e19, 1e30, 3e38])
     for way in ([0, 0, 1], [0.01, 0.02, 0.9]):
         ways = lengths[:, None] * np.float32(way)

@@ -13,10 +13,10 @@ from qmcjax import tracing
 from qmcjax.tracing import motion
 from qmcjax.tracing._shapes.triangles import LEAF, WORTHWHILE, build_tree
 from qmcjax.tracing._shapes.vectors import components
-from qmcjax.tracing.search import compiled_world, intersection, program
+from qmcjax.tracing.search import intersection, program
 
 needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
-WAYS = {"jax": program.by_program, "compiled": pytest.param(compiled_world.search, marks=needs_numba)}
+WAYS = {"jax": program.by_program, "compiled": pytest.param(intersection.compiled, marks=needs_numba)}
 
 
 def blob(around, up):
@@ -139,9 +139,12 @@ def same(found, expected, any_hit=False):
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="about processors")
 def test_without_numba_few_triangles_need_no_tree(monkeypatch):
     """Their numbers, and those after them, stay; the trees of many are walked by a program of JAX."""
-    monkeypatch.setattr(intersection, "find_spec", lambda name: None)
     triangles = np.random.default_rng(1).uniform(-1, 1, (600, 3, 3))
     world = tracing.world([mesh(triangles[:100]), mesh(triangles), tracing.plane([0, 0, -2], [0, 0, 1])])
+    monkeypatch.setattr(intersection, "find_spec", lambda name: name)
+    known, way = intersection._fastest(world)
+    assert known is world and way is intersection.compiled
+    monkeypatch.setattr(intersection, "find_spec", lambda name: None)
     fewer, way = intersection._fastest(world)
     assert way is program.by_program and fewer.count == world.count
     assert [item.shapes[0].tree is None for item in fewer.objects] == [True, False, True]
@@ -149,7 +152,7 @@ def test_without_numba_few_triangles_need_no_tree(monkeypatch):
 
 @pytest.mark.parametrize(
     "way",
-    [program.by_program, pytest.param(compiled_world.search, marks=[needs_numba, pytest.mark.slow])],
+    [program.by_program, pytest.param(intersection.compiled, marks=[needs_numba, pytest.mark.slow])],
     ids=WAYS,
 )
 @pytest.mark.parametrize(
@@ -262,6 +265,16 @@ def test_replaced_vertices_are_hit(way):
     limit = np.full(2000, np.inf, np.float32)
     found = searched(moved, origin, direction, time, limit, False, way)
     same(found, looped(moved, origin, direction, time, limit))
+    none = searched(
+        jax.tree.map(lambda a: a * np.nan if a.ndim == 3 else a, moved),
+        origin,
+        direction,
+        time,
+        limit,
+        False,
+        way,
+    )
+    assert np.all(none[1] == -1)
     as_floats = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), moved)
     assert np.array_equal(searched(as_floats, origin, direction, time, limit, False, way)[1], found[1])
     assert np.mean(np.asarray(found[1]) >= 0) > 0.1

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from figures.shared.costs import in_turns, median
 from qmcjax import scenes, tracing
 from qmcjax.core.pytrees import jit
-from qmcjax.tracing.search import compiled_world, program
-from qmcjax.tracing.search.intersection import Intersector, in_dtype, search
+from qmcjax.tracing.search import program
+from qmcjax.tracing.search.intersection import Intersector, compiled, in_dtype, search
 
 SIZES = {"draft": (2**8, (32,), 1), "paper": (2**18, (32, 512, 8192, 80000), 9)}
 """Rays of a call, triangles of the meshes, turns."""
@@ -110,7 +110,7 @@ def _ways(world: tracing.World, any_hit: bool) -> dict[str, Callable[..., Any]]:
     if trees:
         chosen["tree, JAX"] = world, program.by_program
     if FAST:
-        chosen["compiled"] = world, compiled_world.search
+        chosen["compiled"] = world, compiled
 
     def found(way: Any, origin: Any, direction: Any, time: Any = None, limit: Any = None) -> Any:
         count = len(origin)

@@ -172,10 +172,7 @@ def _costs(boxes: NDArray, node: NDArray, place: NDArray, nodes: int, fewest: in
 
 def _area(box: NDArray) -> NDArray:
     """Return half the surface of boxes, from low and negated high corners; 0 for empty boxes."""
-    return half_area(*np.maximum(-box[3:] - box[:3], 0))
-
-
-def half_area(x: Any, y: Any, z: Any) -> Any:
+    x, y, z = np.maximum(-box[3:] - box[:3], 0)
     return x * y + y * z + z * x
 
 

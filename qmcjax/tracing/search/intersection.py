@@ -1,8 +1,8 @@
 """The nearest hits of rays by the fastest method, with their derivatives.
 
-A JAX program tests primitives without a tree in fused loops over tiles of rays and traverses trees
-(``program``). On CPUs with Numba installed, compiled loops search worlds of more than a few primitives
-(:mod:`qmcjax.tracing.search.compiled_world`). All methods find the same hits, up to rounding.
+A JAX program tests primitives without a tree in fused loops over tiles of rays and walks through trees
+(``program``). On CPUs with Numba installed, compiled loops do the latter (``compiled_walk``). Both find the
+same hits, up to rounding.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +22,6 @@ from qmcjax.tracing._shapes.object import Frame, identity, to_object_space
 from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, keep, minus, plus, times, unit, where
 from qmcjax.tracing._world.world import World, with_shapes
-from qmcjax.tracing.search import compiled_world
 from qmcjax.tracing.search.program import by_program
 
 _FEW_ROWS = 16
@@ -83,14 +82,18 @@ def _parts(array: Array, axes: int = 0) -> list[Array]:
 _MANY = 512
 """Number of triangles above which a JAX program on a CPU is faster with their tree than with loops."""
 
-_FEW = 47
-"""Number of primitives up to which fused loops are faster than compiled ones: they test 16 rays per step."""
-
 Intersector = Callable[
     [World, Sequence[Frame | None], Vector, Vector, Array, Array, bool], tuple[Array, Array]
 ]
 """From a world, frames of its parts, origins, directions, times, limits and whether any hit counts, to
 distances and numbers of primitives (-1: none)."""
+
+
+def compiled(*given: Any) -> tuple[Array, Array]:
+    """Search by a JAX program that calls compiled loops for trees."""
+    from qmcjax.tracing.search import compiled_walk  # Only where Numba is installed.
+
+    return by_program(*given, walk=compiled_walk.walk)
 
 
 def search(
@@ -119,9 +122,8 @@ def _fastest(world: World) -> tuple[World, Intersector]:
     """Return the search method, and the world with the trees that pay off for it."""
     if not backends.current().caches:
         return world, by_program
-    known = all(type(shape) in compiled_world.KINDS for shape, _ in world.batches())
-    if known and world.count > _FEW and find_spec("numba") is not None:
-        return world, compiled_world.search
+    if find_spec("numba") is not None:
+        return world, compiled
     return with_shapes(world, lambda shape: shape if shape.count >= _MANY else shape.alone()), by_program
 
 

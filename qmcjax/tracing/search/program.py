@@ -50,21 +50,39 @@ TREE_TILE = 1024
 """Rays that traverse together on a CPU; all wait for the slowest."""
 
 
-def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Array, Array]:
-    """Return the distances of hits before the limits, and the rows of the triangles; -1 without a hit."""
-    tree = jax.tree.map(lambda a: a.astype(jnp.int32), shape.tree)
+class Walkable(NamedTuple):
+    """A tree with its triangles in order, and with boxes."""
+
+    vertices: list[Array]
+    """(n, 3, 3): at one or both ends of the shutter."""
+    boxes: Array
+    """(n, 6), or (n, 12) at both ends: low and high."""
+    skip: Array
+    start: Array
+    slack: Array
+    """Of the coordinates of boxes."""
+
+
+def in_order(shape: Triangles, tree: Tree) -> Walkable:
+    """Return a tree over triangles as they are now."""
     ends = [shape.vertices] if shape.close is None else [shape.vertices, shape.close]
     ends = [vertices[tree.order] for vertices in ends]
     boxes = jnp.concatenate([boxes_of(vertices, tree) for vertices in ends], axis=1)
-    sorted_faces = Triangles(ends[0], None if shape.close is None else ends[1])
     largest = 2 * jnp.max(jnp.stack([jnp.max(abs(vertices)) for vertices in ends]))
+    return Walkable(ends, boxes, tree.skip, tree.start, rounding(largest))
+
+
+def walk(tree: Walkable, rays: Rays, limit: Array, any_hit: bool) -> tuple[Array, Array]:
+    """Return the distances of hits before the limits, and rows of sorted triangles; -1 without a hit."""
+    ends, boxes, (count, _) = tree.vertices, tree.boxes, tree.boxes.shape
+    sorted_faces = Triangles(ends[0], None if len(ends) == 1 else ends[1])
     used = tree.skip[0]
-    stop = tree.start[jnp.minimum(tree.skip, shape.count - 1)]
+    stop = tree.start[jnp.minimum(tree.skip, count - 1)]
 
     def tile(given: tuple[Rays, Array]) -> tuple[Array, Array]:
         rays, limit = given
         prepared = sorted_faces.prepare(rays)
-        wider = rays.slack + rounding(largest)
+        wider = rays.slack + tree.slack
         below, above = each(lambda a: a - wider, rays.origin), each(lambda a: a + wider, rays.origin)
         inverse = each(lambda d: 1 / d, rays.direction)
         slower = 1 + 8 * jnp.finfo(limit.dtype).eps
@@ -101,7 +119,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
             next_row = jnp.where(
                 tested, jnp.where(more, row + 1, -1), jnp.where(enters & leaf, tree.start[node], -1)
             )
-            seen = jnp.minimum(next_node, shape.count - 1)
+            seen = jnp.minimum(next_node, count - 1)
             return (
                 next_node,
                 next_row,
@@ -116,7 +134,7 @@ def walk(shape: Triangles, rays: Rays, limit: Array, any_hit: bool) -> tuple[Arr
         none = jnp.full(limit.shape, -1, jnp.int32)
         state = jnp.zeros_like(none), none, inside, limit, limit, none
         *_, limit, place = jax.lax.while_loop(lambda state: jnp.any(state[0] < used), step, state)
-        return limit, jnp.where(place < 0, -1, tree.order[place])
+        return limit, place
 
     return map_tiles(tile, (rays, limit), TREE_TILE)
 
@@ -176,8 +194,9 @@ def by_program(
     time: Array,
     limit: Array,
     any_hit: bool,
+    walk: Callable[[Walkable, Rays, Array, bool], Nearest] = walk,
 ) -> Nearest:
-    """Search by a JAX program alone: primitives without a tree, then trees. Each object has a frame."""
+    """Search by a JAX program: primitives without a tree, then trees. Each object has a frame."""
     spaces, kinds = _sort_kinds(world)
 
     def tile(rays: Any) -> Nearest:
@@ -204,9 +223,10 @@ def by_program(
         for shape, first in item.numbered(start):
             if not isinstance(shape, Triangles) or shape.tree is None:
                 continue
-            new, row = walk(shape, rays, distance, any_hit)
+            tree = jax.tree.map(lambda a: a.astype(jnp.int32), shape.tree)
+            new, row = walk(in_order(shape, tree), rays, distance, any_hit)
             distance = jnp.where(row < 0, distance, -jnp.inf if any_hit else new)
-            number = jnp.where(row < 0, number, first + row)
+            number = jnp.where(row < 0, number, first + tree.order[row])
     return distance, number
 
 

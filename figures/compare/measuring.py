@@ -214,7 +214,9 @@ class Run:
             if task.name in self.ground.scenes:
                 named = {MEASURES[measure]: tuple(of) for measure, of in errors.items()}
                 none = np.zeros(0)
-                row = ComparisonRow(task.name, entry.name, spp, named, 0.0, none, none, none)
+                row = ComparisonRow(
+                    task.name, entry.name, spp, named, 0.0, none, none, none.astype(np.float32)
+                )
                 measured.add(task, row)
             else:
                 measured.errors[task] = {name: of for name, of in errors.items() if len(of)}

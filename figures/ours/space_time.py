@@ -211,7 +211,7 @@ def measure(quality: str, progress: Callable[[float], None]) -> tuple[Tables, di
         }
         for case, logs in relative.items()
     }
-    numbers = {"measured": {"error / white noise": measured, "verdicts": said}}
+    numbers: dict[str, Any] = {"measured": {"error / white noise": measured, "verdicts": said}}
     numbers["note"] = NOTE.format(side=side, keys=keys)
     return relative, numbers, {} if quality == "draft" else {"frames.webp": moving()}
 

@@ -4,7 +4,7 @@ import tempfile
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,6 +31,14 @@ def has_llvm() -> bool:
     except RuntimeError:
         return False
     return True
+
+
+class Run(NamedTuple):
+    """One image: a sampler by its name, samples per pixel, and a seed, or the key of a sampler of ours."""
+
+    sampler: str
+    spp: int
+    seed: int
 
 
 def render_image(

@@ -170,7 +170,7 @@ def right_of_traced():
             "world": of.world, "camera": of.camera, "scene": of.still, "origin": [0.0, 0, 5],
             "direction": [0.0, 0, -1], "bounces": 0, "low": [0, 0, 0], "high": [1, 1, 1], "position": vector,
             "target": [1, 0, 0], "one": 0.5, "other": 0.2, "base": vector, "axis": vector, "color": 0.5,
-            "center": vector, "normal": vector, "radiance": 1.0, "roughness": 0.5,
+            "center": vector, "point": vector, "normal": vector, "radiance": 1.0, "roughness": 0.5,
             "parts": [tracing.plane(vector, vector)], "intensity": 1.0,
             "corner": vector, "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "vertices": corners,
             "objects": [tracing.sphere(vector, 1.0)],

@@ -7,7 +7,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from qmcjax.core import checks, tables
-from qmcjax.core.tables import wrong
+from qmcjax.core.tables import IntegerFile, integer_file, wrong
 from qmcjax.sequences._digital.digital import Digital, digital
 from qmcjax.sequences._digital.sobol_matrix import (
     DirectionNumbers,
@@ -15,7 +15,6 @@ from qmcjax.sequences._digital.sobol_matrix import (
     joe_kuo_numbers,
     validate_numbers,
 )
-from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file
 
 _HEAD = "d s a m_i"
 _IDENTITY = np.uint32(1) << np.arange(31, -1, -1, dtype=np.uint32)

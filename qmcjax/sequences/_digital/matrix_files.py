@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import reverse
-from qmcjax.core.tables import wrong
+from qmcjax.core.tables import IntegerFile, integer_file, wrong
 from qmcjax.sequences._digital.cells import packed
 from qmcjax.sequences._digital.digital import digital
 from qmcjax.sequences._digital.direction_numbers import numbers_of, sobol_of
-from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file
 
 WORD = 32
 """Digits of a coordinate."""

@@ -14,10 +14,9 @@ from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
 from qmcjax.core.number_theory import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.core.tables import wrong
+from qmcjax.core.tables import IntegerFile, integer_file, wrong
 from qmcjax.sequences._lattices.lattice_sequence import LatticeSequence, Multiples
 from qmcjax.sequences._protocol.base import Sequence
-from qmcjax.sequences._protocol.integer_lines import IntegerFile, integer_file
 
 _PLANAR_LIMIT = 2**22
 """The search takes half a second."""

@@ -62,8 +62,8 @@ def make(
                 continue
             if quality == "paper":
                 image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
-            else:  # To compile a program for each sampler and count takes longer than to do without.
-                image = scene_images.image(scene, sampler, SIDE, spp)[..., 0]
+            else:  # To compile a program for a sampler and a count takes longer than to do without, if few.
+                image = scene_images.image(scene, sampler, SIDE, spp, of_many=spp > 16)[..., 0]
             images[f"{name}, {spp} spp"] = image
             errors.setdefault(name, {})[f"{spp} spp"] = rms(image - reference)
         progress(done / (1 + len(COUNTS)))

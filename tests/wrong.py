@@ -16,6 +16,7 @@ from qmcjax import orders, samplers, scenes, sequences, tracing
 SAMPLER = samplers.z(4, 4, 4, 1)
 
 VALUES = {
+    "analysis.centered_discrepancy": dict(points=[np.zeros((1, 257))]),
     "analysis.compare": dict(keys=[0], samplers=[{}], spps=[[4, 4], []]),
     "analysis.convergence": dict(regions=[{}], samplers=[{}], spps=[[], [1, 0], [4, 1, 4]]),
     "analysis.denoised_error": dict(
@@ -67,6 +68,7 @@ VALUES = {
     "motion.rotation_box": dict(axis=[[0, 0, 0]], points=[[[1, 2]]]),
     "motion.rotation_spline": dict(keys=[[[0, 0, 0, 1]]]),
     "motion.slerp": dict(a=[[0, 0, 0, 2]]),
+    "motion.straightened": dict(motion=[lambda t: (t, t)], times=[[0.0], [0.5, 0.5]]),
     "plot.convergence": dict(errors=[{"a": [1, 0]}]),
     "plot.difference": dict(reference=[np.zeros((2, 3))], scale=[0.0]),
     "plot.image": dict(image=[[[np.nan]], np.zeros(3)], limits=[(1, 0)]),
@@ -78,6 +80,7 @@ VALUES = {
     "qmcjax.bridges.tabulate": dict(n=[0]),
     "qmcjax.bridges.write_image": dict(bits=[12], image=[[[0.0, 1.0, np.inf]], [0.5]]),
     "qmcjax.bridges.write_points": dict(path=["a.xyz"], points=[[[np.nan]]]),
+    "qmcjax.estimated_reference": dict(spp=[100]),
     "qmcjax.integrate": dict(
         function=[jnp.sum, lambda p: ()],
         interval=["median", "t"],
@@ -164,6 +167,7 @@ VALUES = {
     "tracing.rectangle_light": dict(edge_v=[[2, 0, 0]]),
     "tracing.sphere": dict(center=[[0, 0], [0, np.nan, 0], [1e39, 0, 0]], radius=[0.0, 1e-46, [1.0, 2.0]]),
     "tracing.sphere_light": dict(radius=[0, 1e-46]),
+    "tracing.visible_intervals": dict(shutter=[(0.5, 0.2)]),
     "tracing.world": dict(lights=[[tracing.environment(1)] * 2]),
     "trees.nodes_visited": dict(origin=[[0, 0]]),
     "trees.refitted": dict(times=[[1, 0]]),
@@ -176,7 +180,7 @@ VALUES = {
 
 TYPES = {
     "analysis.compare": dict(
-        samplers=[{"a": lambda n: n}, {"a": lambda key: key}],
+        samplers=[[SAMPLER], {"a": lambda n: n}, {"a": lambda key: key}],
         scenes=[{"a": 3}, {"a": scenes.function(jnp.ravel, ("x", "y"))}],
         spps=[4],
     ),
@@ -189,6 +193,7 @@ TYPES = {
     "analysis.interval_counts": dict(digits=[1]),
     "analysis.is_stratified": dict(digits=[(0.5, 1)]),
     "analysis.mean_spectrum": dict(keys=["x", 3], make=[SAMPLER]),
+    "motion.straightened": dict(motion=[lambda t: None]),
     "plot.convergence": dict(errors=[[1, 0]]),
     "plot.points": dict(ax=[Figure()]),
     "qmcjax.bridges.bake": dict(tile=[4]),

@@ -439,8 +439,3 @@ def test_the_table_is_one_of_plain_values(comparison):
     assert len(table) == len(comparison.rows)
     assert {type(value) for row in table for value in row.values()} == {str, int, float}
     assert len({tuple(row) for row in table if row["spp"] > 1}) == 1
-
-
-def test_samplers_have_names():
-    with pytest.raises(TypeError, match="samplers must map names to samplers"):
-        analysis.compare([owen], {"disc": scenes.disc()}, [1])

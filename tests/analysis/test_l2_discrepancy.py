@@ -265,11 +265,6 @@ def test_memory_is_linear(n, dims):
     assert n * dims <= largest <= 64 * n * dims
 
 
-def test_at_most_256_dimensions():
-    with pytest.raises(ValueError, match="points must have at most 256 dimensions, got d=257"):
-        analysis.centered_discrepancy(np.zeros((1, 257)))
-
-
 test_errors_of_traced_points = refused(
     ((2**24 + 1, 1), np.float32, "points must be at most 16777216, got n=16777217"),
     call=lambda shape, dtype: jax.eval_shape(

@@ -273,7 +273,6 @@ def test_a_screen_sampler_takes_its_third_dimension_from_the_net():
 
 
 test_bad_input_is_named = refused(
-    (lambda: sequences.optimized_net_3d(7).points_per_cell(4), "m must be at least 8 .* got m=7"),
     (lambda: search_matrices({3: 33}, dims=2), r"targets\[3\] must be an integer in \[1, 32\], got 33"),
     error=ValueError,
 )

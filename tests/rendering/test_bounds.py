@@ -122,14 +122,8 @@ def integral(bounds, function=lambda x: x[:, 0], dims=2, **more):
 
 
 test_bad_bounds_are_named = refused(
-    (lambda: integral((1, 1)), r"bounds must have low < high, got \(1.0, 1.0\) in dimension 0"),
     (lambda: integral([(0, 1), (2, 1)]), r"low < high, got \(2.0, 1.0\) in dimension 1"),
-    (lambda: integral((0, np.nan)), r"low < high, got \(0.0, nan\)"),
     (lambda: integral((INF, INF)), r"low < high, got \(inf, inf\)"),
-    (
-        lambda: integral([(0, 1)] * 3),
-        r"bounds must be \(low, high\), or such a pair for each of 2 dimensions, got shape \(3, 2\)",
-    ),
     (TypeError, lambda: integral("ab"), "bounds must be made of real numbers, got 'ab'"),
     (lambda: integral((0, 1e39)), "bounds must have ends and a volume that float32 can tell apart"),
     (lambda: integral((1, 1 + 1e-12)), "that float32 can tell apart, got"),

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from refusals import refused
 from scipy import stats
 from tables import slow, some
 
@@ -206,10 +205,3 @@ def test_colours_in_float32_by_a_key():
     np.testing.assert_array_equal(image, again)
     other, _ = qj.estimated_reference(scene, 4, 2, 256, 4, dtype=jnp.float32)
     assert (image != other).any()
-
-
-test_bad_input_is_named = refused(
-    ((4, 4, 100, 1), "spp must be a multiple of the 16 replicates, got 100"),
-    call=lambda args: qj.estimated_reference(scenes.disc(), *args),
-    error=ValueError,
-)

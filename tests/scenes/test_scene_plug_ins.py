@@ -150,5 +150,3 @@ def test_needs_are_checked(error, needs, message):
 def test_a_function_shows_its_name():
     assert repr(scenes.function(jnp.sum, ("x", "y"))) == "function(sum, needs=('x', 'y'))"
     assert "HalfPlane object" in repr(scenes.as_scene("scene", HalfPlane()))
-    with pytest.raises(TypeError, match="f must be a function of points, got 3"):
-        scenes.function(3, ("x", "y"))  # pyright: ignore[reportArgumentType]

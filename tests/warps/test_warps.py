@@ -408,10 +408,7 @@ def test_many_choices_are_evenly_chosen():
 
 test_bad_input_is_named = refused(
     (lambda: warps.disc()([[0.5, 1.0]]), r"points must be in \[0, 1\) in float32, got"),
-    (lambda: warps.triangle([[0, 0], [1, 1], [2, 2]]), "vertices must be corners of a triangle"),
     (lambda: warps.triangle([[0], [1], [2]]), r"vertices must have shape \(3, n\), n at least 2"),
-    (lambda: warps.discrete([0, 0]), "weights must be positive in at least one place"),
-    (lambda: warps.discrete([1, -1]), "weights must be non-negative and finite"),
     (lambda: warps.discrete([1, 2]).density(2), r"values must be integers in \[0, 1\], got 2"),
     (TypeError, lambda: jax.jit(warps.discrete)(jnp.ones(2)), "weights must be known before tracing"),
     error=ValueError,

@@ -10,6 +10,13 @@ from qmcjax import scenes
 evaluated = jax.jit(lambda scene, point: scene(point))
 varied = jax.jit(lambda scene, low, high: scene.varies(low, high))
 
+
+def mixed(scene, image, bound):
+    """Return which pixels are not 0, 1 or a stair for certain, by their means: those hold an edge."""
+    levels = len(scene.offsets) if isinstance(scene, scenes.Staircase) else 1
+    return abs(levels * image - np.rint(levels * image)) > 2 * levels * bound
+
+
 PLANE = {
     "step": scenes.step(),
     "step upwards": scenes.step(angle=-2.1, offset=-0.3),

@@ -5,6 +5,7 @@ import re
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import mixed
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -33,12 +34,6 @@ def along(width, height, dims):
 
 def apart(width, height, dims):
     return samplers.independent(sequences.sobol(dims), key=1)
-
-
-def certain(scene, image, bound):
-    """Return which pixels' exact means leave no doubt that they are constant or not: by 0, 1 or a stair."""
-    levels = len(scene.offsets) if isinstance(scene, scenes.Staircase) else 1
-    return abs(levels * image - np.rint(levels * image)) <= 2 * levels * bound
 
 
 def doubtful(scene, width, height):
@@ -74,7 +69,7 @@ def test_the_image_is_the_same_from_fewer_samples(name, width, height, make):
     assert abs(image - whole).max() <= 4 * eps
 
     exact, bound = scene.reference(width, height)
-    constant = certain(scene, exact, bound)
+    constant = ~mixed(scene, exact, bound)
     assert set(np.unique(result.counts)) == {1, SPP}
     assert (result.counts[~constant] == SPP).all()
     wasted = np.count_nonzero(result.counts[constant] == SPP)

@@ -6,9 +6,8 @@ from math import comb, factorial
 
 import numpy as np
 import pytest
-from scene_tables import PLANE
+from scene_tables import PLANE, mixed
 from scipy import integrate
-from test_scenes import mixed
 
 from qmcjax import scenes
 

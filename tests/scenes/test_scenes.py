@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scene_tables import EVERY, MOTION, PERSPECTIVE, PLANE, defined, evaluated, varied
+from scene_tables import EVERY, MOTION, PERSPECTIVE, PLANE, defined, evaluated, mixed, varied
 from tables import each, few
 
 from qmcjax import scenes
@@ -97,12 +97,6 @@ def test_varies_is_certain(scene):
     constant = ~may.any(axis=1)
     assert np.all(before[constant] == before[constant][:, :1])
     assert constant.mean() >= (0.25 if type(scene) in NEEDS else 0.02)
-
-
-def mixed(scene, image, bound):
-    """Return which pixels hold an edge for certain, by their means."""
-    levels = len(scene.offsets) if isinstance(scene, scenes.Staircase) else 1
-    return abs(levels * image - np.rint(levels * image)) > 2 * levels * bound
 
 
 def pixels(scene, side):

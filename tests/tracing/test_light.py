@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
+from scene_tables import evaluated
 from tables import few, slow_cases
 
 import qmcjax as qj
@@ -31,12 +32,7 @@ def samples(scene, n=2**12, key=1, **fixed):
     net = sequences.owen(sequences.sobol(max(len(free), 1)), key)
     points = dict(zip(free, net.points(n).T, strict=False))
     columns = [points.get(name, jnp.full(n, fixed.get(name, 0), jnp.float32)) for name in needs]
-    return np.asarray(_values(scene, jnp.stack(columns, axis=-1)), np.float64)
-
-
-@jax.jit
-def _values(scene, point):
-    return scene(point)
+    return np.asarray(evaluated(scene, jnp.stack(columns, axis=-1)), np.float64)
 
 
 def uniform(scene, n=2**20, **fixed):
@@ -46,7 +42,7 @@ def uniform(scene, n=2**20, **fixed):
     for j, name in enumerate(needs):
         if name in fixed:
             points[:, j] = fixed[name]
-    values = np.asarray(_values(scene, jnp.asarray(points)), np.float64)[:, 0]
+    values = np.asarray(evaluated(scene, jnp.asarray(points)), np.float64)[:, 0]
     return values.mean(), values.std() / np.sqrt(n)
 
 
@@ -199,7 +195,7 @@ def test_lights_are_seen_and_hide_each_other():
     camera = tracing.camera([0, 0.5, 0], [0, 3, 0], up=[0, 0, 1], fov=90)
     scene = tracing.direct_light(tracing.world([], [rectangle, small]), camera)
     points = jnp.array([[0.5, 0.5], [0.65, 0.5], [0.99, 0.5]])
-    seen = _values(scene, jnp.concatenate([points, jnp.full((3, 3), 0.5)], axis=-1))
+    seen = evaluated(scene, jnp.concatenate([points, jnp.full((3, 3), 0.5)], axis=-1))
     np.testing.assert_array_equal(seen[:, 0], [0, 1, 0])
     lit = samples(tracing.direct_light(tracing.world([FLOOR], [rectangle]), DOWN), x=0.5, y=0.5)
     shaded = samples(tracing.direct_light(tracing.world([FLOOR], [rectangle, large]), DOWN), x=0.5, y=0.5)
@@ -468,7 +464,7 @@ def test_pictures_are_never_nan(name, estimator):
     objects, lights, eye = next(rest for other, *rest in odd_worlds() if other == name)
     camera = tracing.camera(eye, [0, 0, -1], fov=60)
     scene = estimator(tracing.world(objects, lights), camera, 2)
-    values = _values(scene, np.random.default_rng(1).random((2**12, len(scene.needs)), np.float32))
+    values = evaluated(scene, np.random.default_rng(1).random((2**12, len(scene.needs)), np.float32))
     assert np.isfinite(values).all() and (np.asarray(values) >= 0).all()
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scene_tables import evaluated
 from tables import slow
 from test_trees import blob, mesh, searched, without_trees
 
@@ -119,11 +120,6 @@ ESTIMATORS = {
 }
 
 
-@jax.jit
-def seen(scene, points):
-    return scene(points)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("estimator", ESTIMATORS)
 def test_lights_of_all_sizes_shine(estimator):
@@ -144,11 +140,11 @@ def test_lights_of_all_sizes_shine(estimator):
     wanted = scene(1.0)
     points = np.random.default_rng(3).random((1024, len(wanted.needs)), np.float32).repeat(4, axis=0)
     points[:, wanted.needs.index("light")] = np.tile([0.1, 0.3, 0.6, 0.9], 1024)
-    picture = np.asarray(seen(wanted, points))
+    picture = np.asarray(evaluated(wanted, points))
     by_light = picture.reshape(-1, 4, 3)
     assert ((by_light - by_light.min(axis=1, keepdims=True)).mean(axis=(0, 2)) > 0.03).all()
     for size in SIZES:
-        assert np.array_equal(seen(scene(size), points), picture), size
+        assert np.array_equal(evaluated(scene(size), points), picture), size
 
 
 @pytest.mark.parametrize("estimator", ["direct", *slow("paths", "bidirectional")])
@@ -161,5 +157,5 @@ def test_sphere_lights_shine_outwards_only(estimator):
         world = tracing.world([floor], [tracing.sphere_light(center, 4.0, 1.0)])
         scene = jax.tree.map(jnp.asarray, ESTIMATORS[estimator](world, camera))
         points = np.random.default_rng(3).random((1024, len(scene.needs)), np.float32)
-        means.append(float(seen(scene, points).mean()))
+        means.append(float(evaluated(scene, points).mean()))
     assert means[0] == 0 and means[1] > 0.1

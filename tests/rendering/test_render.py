@@ -228,18 +228,6 @@ def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
-@pytest.mark.slow
-def test_gradient_takes_no_memory_for_samples():
-    """The compiled backward pass of 64 times as many samples needs no more."""
-
-    def temporary(spp):
-        sampler = samplers.independent(sequences.sobol(2), key=0)
-        loss = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 32, 32, spp).sum()  # noqa: E731
-        return jax.jit(jax.grad(loss)).lower(jnp.float32(40)).compile().memory_analysis().temp_size_in_bytes
-
-    assert temporary(1024) == temporary(16)
-
-
 def test_vmap_over_scene_parameters_equals_a_loop():
     sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
     image = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 8, 8, 4)  # noqa: E731

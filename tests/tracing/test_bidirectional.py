@@ -3,6 +3,7 @@
 import jax
 import numpy as np
 import pytest
+from scene_tables import evaluated
 from tables import slow_cases
 
 from qmcjax import tracing
@@ -52,11 +53,6 @@ CASES = {
 """Worlds, cameras, and most bounces of paths from cameras and lights: a program each takes longest."""
 
 
-@jax.jit
-def values(scene, points):
-    return scene(points)
-
-
 def drawn(scene, samples, key):
     """Return independent points in each of a few pixels, in float32: (SIDE, SIDE, samples, needs)."""
     count = len(scene.needs)
@@ -83,7 +79,7 @@ def test_the_expectation_is_that_of_path_tracing(name):
     both = tracing.bidirectional(world, view, bounces, light_bounces)
     assert both.needs[: len(paths.needs)] == paths.needs and len(both.needs) > len(paths.needs)
     (mean, error), (other, its) = (
-        means(values(scene, drawn(scene, 2**15, key))) for key, scene in enumerate((paths, both), start=1)
+        means(evaluated(scene, drawn(scene, 2**15, key))) for key, scene in enumerate((paths, both), start=1)
     )
     away = abs(mean - other) / np.hypot(error, its)
     assert away.max() < 5 and np.sqrt(np.mean(away**2)) < 2
@@ -108,7 +104,7 @@ def test_an_integrating_sphere(name, light_bounces):
     ball = tracing.sphere([0, 0, 0], 2.0, material=tracing.diffuse(0.9))
     view = tracing.camera([1.7, 0.3, 0], [2, 0, 0.4])
     scene = tracing.bidirectional(tracing.world([ball], [light]), view, 3, light_bounces)
-    mean, error = means(values(scene, drawn(scene, 2**15, 3)))
+    mean, error = means(evaluated(scene, drawn(scene, 2**15, 3)))
     series = 0.9 * sum((0.9 * (1 - share)) ** k for k in range(4))
     assert (abs(mean - series) < 5 * error + 1e-5).all()
     assert (error < 0.01 * mean).all()
@@ -143,13 +139,13 @@ def test_one_picture_by_any_dtype_program_and_shape(light_bounces):
     scene = tracing.bidirectional(world, view, 2, light_bounces or 0)
     assert (scene.needs == paths.needs) == (light_bounces is None)
     points = np.random.default_rng(1).random((2**12, len(scene.needs)), np.float32)
-    compiled = np.asarray(values(scene, points))
+    compiled = np.asarray(evaluated(scene, points))
     if light_bounces is None:
-        np.testing.assert_allclose(values(paths, points), compiled, rtol=1e-4, atol=1e-5)
+        np.testing.assert_allclose(evaluated(paths, points), compiled, rtol=1e-4, atol=1e-5)
         scene = paths
     else:  # So few points are not traced in tiles.
         np.testing.assert_allclose(scene(points[:64]), compiled[:64], rtol=1e-3, atol=1e-4)
     with jax.enable_x64():
-        double = np.asarray(values(scene, points.reshape(2, 2, -1, len(scene.needs)).astype(np.float64)))
+        double = np.asarray(evaluated(scene, points.reshape(2, 2, -1, len(scene.needs)).astype(np.float64)))
     assert double.dtype == np.float64
     assert np.mean(abs(double.reshape(-1, 3) - compiled) > 1e-3 * (1 + compiled)) < 5e-3

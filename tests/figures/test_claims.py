@@ -4,7 +4,6 @@ import ast
 import json
 import os
 import re
-import string
 import subprocess
 import sys
 import unicodedata
@@ -44,10 +43,6 @@ def without_times(figure, found):
         for part, of in found.items()
         if (kept := {key: held for key, held in of.items() if part != "claims" or key not in timed})
     }
-
-
-def test_what_is_kept_is_of_figures_with_drafts():
-    assert TABLE.keys() <= CATALOGUE.keys() - NO_DRAFT.keys()
 
 
 def test_verdicts():
@@ -253,58 +248,6 @@ def test_the_page_shows_sentences_and_our_own_questions_apart(found):
     assert "Is it" not in said and 'data-verdict="ours"' not in said
     assert apart.count('data-verdict="ours"') == 4 and "It is" not in apart
     assert "<h3" not in ledger_page.section(found[-1:])
-
-
-REFERENCE = r"(Eq\.|Fig\.|Sect\.|Table) \d[\d.]*\d?( and [\d.]+)?"
-"""Where it stands in a paper."""
-
-NAMED = (
-    "(0,2)",
-    "phi_2",
-    "phi_3",
-    "phi_5",
-    "P_1 and P_3",
-    "C_7 = 429",
-    "C_6 = 132",
-    "p + 1",
-    "a_i = i",
-    "x + y < 1",
-    "[0, 1]",
-    "m/2",
-    "1 / (2 m)",
-    "(4^log2(n) - 1) / 3",
-    "the top-left quadrant is 2; 3 is the top-right one",
-    "500^2 = 250 000",
-    "125 000 = 50^3",
-    "1600 belongs inside the sine",
-    "sqrt(6) / 4 and sqrt(90) / 32",
-    "By the two printed areas it is 9.80 percent",
-    "bases 2 and 3",
-    "bases 5 and 7",
-    "base 2",
-    "32 bits",
-    "the ratio contains 1",
-    "differ from 1",
-)
-"""Formulas and printed numbers of the papers, names, bases of sequences and sizes of integers."""
-
-AMOUNT = r"\d|\b(a|one|two|three|some) (half|halves|thirds?|quarters?|fifths?|tenths?|percent)\b|\bhalf the\b"
-"""A number, or a part of a whole in words."""
-
-REASONS = {claim.why for claim in claims() if claim.why}
-
-
-def typed(reason):
-    """Return the first amount in a reason that is neither filled in nor a paper's; None if there is none."""
-    text = "".join(part for part, *_ in string.Formatter().parse(reason))
-    for phrase in sorted(NAMED, key=len, reverse=True):
-        text = text.replace(phrase, "")
-    found = re.search(AMOUNT, re.sub(REFERENCE, "", text))
-    return None if found is None else found[0]
-
-
-def test_no_reason_has_a_typed_measurement():
-    assert {reason: found for reason in REASONS if (found := typed(reason))} == {}
 
 
 def test_reasons_are_filled_in_as_measurements_are(monkeypatch):

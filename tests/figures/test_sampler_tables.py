@@ -11,15 +11,6 @@ from qmcjax.choosing import CANDIDATES, LEVELS, SETTINGS, worst_cases
 
 sampler_tables = pytest.importorskip("figures.docs.sampler_tables", reason="Sphinx", exc_type=ImportError)
 
-PAGE = sampler_tables.__file__.replace("sampler_tables.py", "which_sampler.rst")
-
-
-def test_no_name_is_typed_on_the_page():
-    """Names come from the measurements only."""
-    with open(PAGE, encoding="utf-8") as stream:
-        text = stream.read()
-    assert not [name for setting in SETTINGS.values() for name in setting.candidates if name in text]
-
 
 @pytest.mark.parametrize("filtered", [False, True])
 @pytest.mark.parametrize("setting", SETTINGS)

@@ -66,8 +66,7 @@ def drawn(kind, name, count):
     given, dims = webgl.drawn(count, limits), tuple(range(value.dims))
     # LLVM takes half of the time without optimisation.
     program = jax.jit(
-        lambda value, *given: value(*given, dims=dims),
-        compiler_options={"xla_backend_optimization_level": 0},
+        lambda value, *given: value(*given, dims=dims), compiler_options={"xla_backend_optimization_level": 0}
     )
     return value, limits, given, value.dims, np.asarray(program(value, *given))
 

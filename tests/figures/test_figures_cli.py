@@ -30,11 +30,7 @@ from figures.page import _html
         (["--list"], 0, "Rendering along the Hilbert curve:\n  hilbert-1 "),
         (["--list"], 0, "Our own, by --all:\n  benchmark "),
         (["--list", "thesis-6.2"], 0, "thesis-6.2  "),
-        (
-            ["--list", "z-table-1"],
-            0,
-            "sequence is slower than Z\n*: --quality paper only\n",
-        ),
+        (["--list", "z-table-1"], 0, "sequence is slower than Z\n*: --quality paper only\n"),
         (["--help"], 0, "--quality {draft,paper}"),
         (["thesis_5_21"], 2, "unknown figure 'thesis_5_21': did you mean 'thesis-5.21'?"),
         (["HILBERT-1"], 2, "did you mean 'hilbert-1'?"),

@@ -41,10 +41,7 @@ def below(x, y, sample, dims, dtype):
 
 
 LATE = far(5, lambda x, y, sample: (x == 2) & (y == 1) & (sample == 5))
-RENDERS = {
-    "render": qj.render,
-    "adaptive": qj.render_adaptive,
-}
+RENDERS = {"render": qj.render, "adaptive": qj.render_adaptive}
 
 
 OUTSIDE = {
@@ -58,11 +55,7 @@ OUTSIDE = {
 
 
 @pytest.mark.parametrize(
-    ("name", "of"),
-    [
-        *(("render", of) for of in OUTSIDE),
-        *(("adaptive", of) for of in ("one", "late")),
-    ],
+    ("name", "of"), [*(("render", of) for of in OUTSIDE), *(("adaptive", of) for of in ("one", "late"))]
 )
 def test_points_outside_are_named(name, of):
     """What is outside is the same for all; where it is found, each render finds in its own way."""
@@ -111,10 +104,7 @@ def test_shapes_and_types_are_checked_while_tracing(points, message):
 @pytest.mark.parametrize(
     ("sampler", "own"),
     [
-        (
-            lambda: samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.halton(2), 1), 4),
-            True,
-        ),
+        (lambda: samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.halton(2), 1), 4), True),
         (lambda: samplers.z(4, 4, 4, 1), True),
         (lambda: samplers.as_sampler("sampler", Made(half)), False),
         (lambda: samplers.function(lambda x, y, sample: half(x, y, sample, (0, 1), jnp.float32), 2), False),

@@ -66,12 +66,7 @@ def test_words_have_digits_of_their_level_and_finer_ones_and_are_independent():
             assert max(pair) < 4 ** (level + 1)
             assert sorted(
                 {0, pair[0] >> 2 * level, pair[1] >> 2 * level, (pair[0] ^ pair[1]) >> 2 * level}
-            ) == [
-                0,
-                1,
-                2,
-                3,
-            ]
+            ) == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(("dims", "spp"), CASES)

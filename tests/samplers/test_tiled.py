@@ -222,7 +222,4 @@ test_wrong_tiles = refused(
     (free((4, 3, 1, 2)), 1, "^points must have powers of two up to 65536 as height, width"),
     call=samplers.tiled,
 )
-test_wrong_counts = refused(
-    (8, 8, 3, 1, "^spp must be a power of two, got 3"),
-    call=samplers.designed,
-)
+test_wrong_counts = refused((8, 8, 3, 1, "^spp must be a power of two, got 3"), call=samplers.designed)

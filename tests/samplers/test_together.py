@@ -183,10 +183,7 @@ QUICK = [("designed, progressive", "plain"), ("progressive", "prefix"), ("dither
 
 @pytest.mark.parametrize(
     ("name", "change", "keys", "dims"),
-    [
-        *((*case, range(1), FEW) for case in QUICK),
-        *slow_cases(*((*case, range(4), MANY) for case in CASES)),
-    ],
+    [*((*case, range(1), FEW) for case in QUICK), *slow_cases(*((*case, range(4), MANY) for case in CASES))],
 )
 def test_groups_are_independent_within_an_image_of_each_key(name, change, keys, dims):
     assert within_images(name, change, keys, dims) > LEVEL
@@ -203,8 +200,7 @@ def test_equal_groups_are_found():
 
 
 @pytest.mark.parametrize(
-    "name",
-    few([name for name in LAWS if not name.startswith(("z", "ranked", "dither"))], "tiled, 8"),
+    "name", few([name for name in LAWS if not name.startswith(("z", "ranked", "dither"))], "tiled, 8")
 )
 def test_groups_are_exactly_independent_over_keys(name):
     """At a pixel, for its last sample; digits of Z's points and of masks' are those of their cells."""

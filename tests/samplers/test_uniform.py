@@ -73,10 +73,7 @@ LAWS = {
     "optimized, joint, more": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, SPP, key, dims=8)),
     "progressive": (EXACT, lambda key: samplers.progressive(SIDE, SIDE, key, dims=6)),
     "designed": (EXACT, lambda key: samplers.designed(SIDE, SIDE, 64, key, dims=6)),
-    "designed, frames": (
-        EXACT,
-        lambda key: samplers.designed(SIDE, SIDE, SPP, key, frames=9).at_frame(5),
-    ),
+    "designed, frames": (EXACT, lambda key: samplers.designed(SIDE, SIDE, SPP, key, frames=9).at_frame(5)),
     "tiled, far from uniform": (
         EXACT,
         lambda key: samplers.tiled(0.9 + 0.001 * TILE[:4, :, :1], key, dims=4, spp=SPP),

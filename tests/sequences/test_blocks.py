@@ -48,8 +48,7 @@ def by_index(sequence, index, dtype):
 
 @some("sequence", SEQUENCES, "zaremba", "components of owen", "lattice", "net")
 @pytest.mark.parametrize(
-    "case",
-    [(64, jnp.float32), *slow((1, jnp.float32), (7, jnp.float64), (3000, jnp.float32))],
+    "case", [(64, jnp.float32), *slow((1, jnp.float32), (7, jnp.float64), (3000, jnp.float32))]
 )
 def test_blocks_have_the_points_of_their_indices(sequence, case):
     """The first and the last blocks, and others: with and without a carry to the high digits."""

@@ -78,18 +78,11 @@ def test_irreducible_polynomials_that_are_not_primitive_do():
         (["2 1 0 1", "", "3 2 1 1 2"], r"a.txt, line 3, initial must be odd .* m_2=2"),
         (["2 1 0 1", "4 2 1 1 3"], "a.txt, line 2, d must be 3, got 4"),
         (["d s a m_i", "3 1 0 1"], "a.txt, line 2, d must be 2, got 3"),
-        (["-2 1 0 1", "3 2 1 1 3"], "line 1, column 1, must be non-negative integers"),
         (["2. 1 0 1"], "line 1, column 1, must be non-negative integers"),
         (["2 2 0 1 3"], "a.txt, line 1, polynomial must be irreducible .* got 0b101"),
         (["2 1 1 1"], "a.txt, line 1, s must be in .* got s=1, a=1"),
         (["2 33 1 1"], "a.txt, line 1, s must be in .* got s=33, a=1"),
-        (
-            ["2 1 0 1", "here", "3 2 1 1 3"],
-            "a.txt, line 2, column 1, must be non-negative integers, .* got 'here'",
-        ),
         (["2 1 0"], "a.txt, line 1, must be d, s, a, m_1, ..., m_s, got '2 1 0'"),
-        (["2 1 0 -1"], "a.txt, line 1, column 7, must be non-negative"),
-        (["d s a m_i"], "a.txt, must contain integers, got none"),
     ],
 )
 def test_errors_name_the_line(lines, message, tmp_path):

@@ -151,6 +151,7 @@ def refused():
     refuse({"variant must be one of": bridge.register})
     set_up("scalar_rgb")
     small = (8, 8)
+    asked = partial(image, OWEN, small, ASKED)
     sampler = described(OWEN, SIZE, ASKED).sensors()[0].sampler()
     sampler.seek(5, 3)
     calls: dict[str, Callable[[], Any]] = {
@@ -161,14 +162,10 @@ def refused():
             CURVE, small, ASKED, spp=8
         ),
         "film must be a parameter": lambda: mi.load_dict({"type": "qmcjax", "sampler": bridge.wrap(OWEN)}),
-        "TypeError: film must be the sensor's film, got 3": lambda: image(
-            OWEN, small, ASKED, plug_in={"film": 3}
-        ),
+        "TypeError: film must be the sensor's film, got 3": lambda: asked(plug_in={"film": 3}),
         "TypeError: sampler must be made by qmcjax.bridges.mitsuba.wrap": lambda: image(3, small, ASKED),
-        "key must be an integer": lambda: image(OWEN, small, ASKED, plug_in={"key": -1}),
-        "block_size must be a power of two, got 3": lambda: image(
-            OWEN, small, ASKED, plug_in={"block_size": 3}
-        ),
+        "key must be an integer": lambda: asked(plug_in={"key": -1}),
+        "block_size must be a power of two, got 3": lambda: asked(plug_in={"block_size": 3}),
         "ValueError: variant must be one of": lambda: bridge.register("scalar_rbg"),
         "TypeError: variant must be the name of a variant": lambda: bridge.register(3),
         "TypeError: sampler must be a sampler": lambda: bridge.wrap(sequences.sobol(2)),
@@ -346,24 +343,17 @@ def files(variant, folder):
         np.array_equal(bridge.render(str(path), OWEN), bridge.render(path, make, spp=2)),
     ]
     empty = mi.load_dict({"type": "scene", "ball": {"type": "sphere"}})
+    render = partial(bridge.render, scene, OWEN)
     calls: dict[str, Callable[[], Any]] = {
-        "ValueError: scene must be the path of a file": lambda: bridge.render(
-            Path(folder) / "nothing.xml", OWEN
-        ),
+        "ValueError: scene must be the path of a file": lambda: bridge.render(f"{folder}/none.xml", OWEN),
         "TypeError: scene must be the path of a scene's file, or a scene loaded in": lambda: bridge.render(
             3, OWEN
         ),
         "ValueError: scene must have a sensor, got one without": lambda: bridge.render(empty, OWEN),
-        "ValueError: sensor must be an integer in [0, 1], got 2": lambda: bridge.render(
-            scene, OWEN, sensor=2
-        ),
-        "ValueError: spp must be an integer in [1, 4294967295], got 0": lambda: bridge.render(
-            scene, OWEN, spp=0
-        ),
-        "ValueError: seed must be an integer in [0, 4294967295], got -1": lambda: bridge.render(
-            scene, OWEN, seed=-1
-        ),
-        "TypeError: key must be an integer": lambda: bridge.render(scene, OWEN, key="a"),
+        "ValueError: sensor must be an integer in [0, 1], got 2": lambda: render(sensor=2),
+        "ValueError: spp must be an integer in [1, 4294967295], got 0": lambda: render(spp=0),
+        "ValueError: seed must be an integer in [0, 4294967295], got -1": lambda: render(seed=-1),
+        "TypeError: key must be an integer": lambda: render(key="a"),
         "TypeError: sampler must be a sampler": lambda: bridge.render(scene, sequences.sobol(2)),
         "TypeError: film must be a film of the current variant": lambda: bridge.sensor_with(
             scene, OWEN, film=3
@@ -559,15 +549,6 @@ def of_size(variant):
         for spp in (2, 8)
     ]
     return {"asked": asked, "same": same}
-
-
-def printed():
-    """Return scenes with our samplers as text."""
-    found = {}
-    for variant in ("scalar_rgb", "llvm_ad_rgb"):
-        set_up(variant)
-        found[variant] = str(described(OWEN, SIZE, PATH))
-    return found
 
 
 if __name__ == "__main__":

@@ -151,6 +151,7 @@ def test_scenes_of_files(variant, found_in, tmp_path):
     assert found["half"] < 0.1
     assert "crop_size = [12, 16]" in found["printed"]
     assert "\n  sampler = QmcSampler[\n    sampler = Independent(sobol(dims=6))" in found["printed"]
+    assert "sample_count = 2" in found["printed"]
 
 
 @in_llvm
@@ -258,12 +259,6 @@ def test_wavefronts(whole_bytes):
 def test_samplers_of_one_image_size_are_made_for_it(variant):
     found = found_by("of_size", variant)
     assert found == {"asked": [[40, 36, 2], [40, 36, 8]], "same": [True, True]}
-
-
-@in_llvm
-def test_scenes_can_be_printed():
-    for text in found_by("printed").values():
-        assert "sampler = Independent(sobol(dims=6))" in text and "sample_count = 4" in text
 
 
 @in_mitsuba

@@ -33,21 +33,9 @@ class Points:
 
 test_wrong_arguments_are_named = refused(
     (lambda: source(3), TypeError, "sampler must be a sampler, a sequence, an order or a scene"),
-    (
-        lambda: source(samplers.Sampler),
-        TypeError,
-        "sampler must be a sampler, a sequence, an order or a scene",
-    ),
-    (
-        lambda: source(OWEN, name="a__b"),
-        ValueError,
-        "name must be an identifier .* single underscores.*'a__b'",
-    ),
-    (
-        lambda: source(Points()),
-        ValueError,
-        r"sampler must return points of shape \(2,\) .* got float32 \(3,\)",
-    ),
+    (lambda: source(samplers.Sampler), TypeError, "a sampler, a sequence, an order or a scene"),
+    (lambda: source(OWEN, name="a__b"), ValueError, "name must be an identifier .* underscores.*'a__b'"),
+    (lambda: source(Points()), ValueError, r"must return points of shape \(2,\) .* got float32 \(3,\)"),
     (lambda: source(orders.morton3(4, 4, 2)), TypeError, r"sampler must be an order of pixels, .*at_frame"),
     (lambda: source(Z, width=32, height=16), ValueError, "width, height must be .* 16 x 16, got 32 x 16"),
     (lambda: source(Z, width=16), ValueError, "width and height must be given together"),

@@ -27,7 +27,6 @@ def by_numpy(x, y, sample):
     return numpy.stack([x, y], -1)
 
 untranslatable = samplers.function(by_numpy, 2)
-number = 3
 """
 
 
@@ -94,15 +93,10 @@ def test_functions_make_the_object_for_an_image(folder):
         ),
         ("mine", ["--out", "mine.c", "--language", "rust"], "invalid choice: 'rust'"),
         ("mine", ["--out", "mine.c", "--dims", "0,x"], "must be numbers with commas, got '0,x'"),
-        ("mine", ["--out", "mine.c", "--dims", "3"], "dims must be"),
-        ("mine", ["--out", "mine.c", "--name", "my sampler"], "name must be an identifier"),
         ("mine", ["--out", "mine.c", "--width", "32", "--height", "16"], "must be the order's 16 x 16"),
-        ("mine", ["--out", "mine.c", "--spp", "8"], "spp must be at most 4"),
-        ("points", ["--out", "mine.c", "--spp", "8"], "spp must be None, except for samplers"),
         ("z", ["--out", "z.c", "--width", "16"], "--height and --spp must be given"),
         ("untranslatable", ["--out", "mine.c"], "calls NumPy on a value that varies: use jax.numpy, at "),
         ("untranslatable", ["--out", "mine.c"], "users_samplers.py:"),
-        ("number", ["--out", "mine.c"], "sampler must be a sampler, a sequence, an order or a scene"),
         ("mine", ["--out", "users_samplers.py/mine.c"], "users_samplers.py"),
     ],
 )

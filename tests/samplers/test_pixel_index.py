@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, Table, first, pixels, points_of, refuses, slow, some
+from tables import NETS, Table, first, pixels, points_of, reflected, refuses, slow, some
 
 import analysis
 import qmcjax as qj
@@ -59,16 +59,6 @@ def numerators(seq, index):
     return np.rint(points * [2.0**32, 3.0**21]).astype(np.int64)
 
 
-def reflected(index, base, count):
-    """Split a radical inverse, in Python: its first digits as an integer, and the others as a fraction."""
-    digits = []
-    for _ in range(32):
-        index, digit = divmod(index, base)
-        digits.append(digit)
-    leading = sum(d * base ** (count - 1 - k) for k, d in enumerate(digits[:count]))
-    return leading, sum(Fraction(d, base ** (k + 1)) for k, d in enumerate(digits[count:]))
-
-
 @some("seq", HALTON, "plain", "faure", "random")
 @pytest.mark.parametrize(
     ("width", "height", "a", "b"), [(5, 10, 3, 3), pytest.param(8, 9, 3, 2, marks=pytest.mark.slow)]
@@ -106,8 +96,8 @@ def test_halton_over_large_rasters_against_python_integers(width, height, spp):
     index, double, single = map(np.asarray, inverted(sampler, *arguments))
     for i, *pixel, s, low, high in zip(index.tolist(), x, y, sample, single, double, strict=True):
         assert i // (2**a * 3**b) == s
-        column, within_x = reflected(i, 2, a)
-        row, within_y = reflected(i, 3, b)
+        column, within_x = divmod(reflected(i, 2) * 2**a, 1)
+        row, within_y = divmod(reflected(i, 3) * 3**b, 1)
         assert (column, row) == tuple(pixel)
         assert high.tolist() == [float(within_x), float(within_y)]
         # Rounded down in base 2, and to nearest, but below 1, in base 3.

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, slow_cases
+from tables import first, points_of, slow_cases
 
 import analysis
 from analysis.tables import SAMPLERS as FOLDER
@@ -16,12 +16,6 @@ Y, X = np.mgrid[:SIDE, :SIDE].astype(np.uint32)
 TABLE = FOLDER / "progressive.npz"
 
 
-@jax.jit
-def points_of(sampler, x, y, sample):
-    with jax.enable_x64(True):
-        return sampler(x, y, sample, tuple(range(sampler.dims)), jnp.float64)
-
-
 PADDED = 1024
 
 
@@ -31,7 +25,8 @@ def words_of(sampler, x, y, sample):
     count = where.shape[1]
     padded = np.zeros((3, -(-count // PADDED) * PADDED), np.uint32)
     padded[:, :count] = where
-    return (np.asarray(points_of(sampler, *padded))[:count] * 2**32).astype(np.uint32)
+    points = np.asarray(points_of(sampler, *padded, tuple(range(sampler.dims))))
+    return (points[:count] * 2**32).astype(np.uint32)
 
 
 def block(sampler, corner, log_side, start, log_count):
@@ -42,10 +37,7 @@ def block(sampler, corner, log_side, start, log_count):
     return words_of(sampler, x, y, sample)
 
 
-CASES = [
-    *[(0, 10), (1, 1), (2, 4), (4, 0)],
-    *slow_cases((1, 0), (1, 3), (2, 0), (2, 2), (3, 1), (4, 3)),
-]
+CASES = [*[(0, 10), (1, 1), (2, 4), (4, 0)], *slow_cases((1, 0), (1, 3), (2, 0), (2, 2), (3, 1), (4, 3))]
 """Binary logarithms of the side of a square and of a number of samples."""
 
 
@@ -134,7 +126,9 @@ def product(point):
 def test_images_have_the_first_samples():
     """Four samples are the first four of 4096; passes and adaptive rendering take any number."""
     sampler = samplers.progressive(8, 8, key=1)
-    points = np.asarray(points_of(sampler, X[:8, :8, None], Y[:8, :8, None], first(4096)))
+    points = np.asarray(
+        points_of(sampler, X[:8, :8, None], Y[:8, :8, None], first(4096), tuple(range(sampler.dims)))
+    )
     for spp in (1, 3, 4):
         mean = analysis.pixel_means(product, sampler, 8, 8, spp)
         assert np.allclose(mean, points[:, :, :spp].prod(axis=-1).mean(axis=-1), atol=1e-6)

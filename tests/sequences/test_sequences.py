@@ -201,15 +201,6 @@ def test_how_float32_is_rounded(name):
 
 def test_nearest_ones_are_nearest_to_exact_fractions():
     """To half a unit in the last place of the fraction itself: float64 is between, and has 29 bits more."""
-
-    def reflected(number, base):
-        value, unit = Fraction(0), Fraction(1)
-        while number:
-            unit /= base
-            value += number % base * unit
-            number //= base
-        return value
-
     index = given(None)[400:]
     cases = [(sequences.van_der_corput(base), index, lambda i, b=base: [reflected(i, b)]) for base in (3, 7)]
     steps = [pow(747, j, 2000) for j in range(3)]

@@ -1,7 +1,6 @@
 """Nets in two and three dimensions: elementary intervals, distances, and the way back from a cell."""
 
 from importlib import resources
-from itertools import combinations
 
 import jax
 import jax.numpy as jnp
@@ -179,12 +178,6 @@ def test_each_tiling_of_a_permutation_net_raises_t_by_one(m):
         assert np.array_equal(np.sort(column >> np.uint32(32 - m)), first(2**m))
 
 
-@pytest.mark.parametrize("m", [2, 3, 4, 5])
-def test_projections_of_the_printed_nets(m):
-    points = words(sequences.permutation_net_3d(m))
-    assert all(is_net(points[:, pair], m) for pair in combinations(range(3), 2))
-
-
 def test_a_shift_on_the_torus_loses_the_elementary_intervals():
     """The limit of the theorem: the count would notice."""
     net = sequences.rotate(sequences.sobol_net_3d(6), [0.2, 0.3, 0.4])
@@ -301,12 +294,9 @@ PRINTED = {
 REACHED = PRINTED | {1: 2, 9: 425, 11: 1700, 13: 6800, 15: 27200}
 
 
-compiled_bits = jax.jit(lambda net, index: net.bits(index))
-
-
 def grid(net, index):
     """Return points on the integer grid."""
-    return np.asarray(compiled_bits(net, index)).astype(np.int64) >> (32 - net.m)
+    return np.asarray(bits(net, index)).astype(np.int64) >> (32 - net.m)
 
 
 @pytest.mark.parametrize("m", range(1, 17))

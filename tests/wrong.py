@@ -94,7 +94,10 @@ VALUES = {
     "qmcjax.orders.scrambled_morton": dict(alphabet=[16]),
     "qmcjax.recommend": dict(needs=[1, 251, ("x",)], frames=[0], size=[(0, 16)]),
     "qmcjax.samplers.blue_noise_mask": dict(channels=[0, 9], side=[1, 48, 1024], frames=[0, 65]),
-    "qmcjax.samplers.dither": dict(mask=[np.zeros(4), np.zeros((0, 4))]),
+    "qmcjax.samplers.designed": dict(spp=[3]),
+    "qmcjax.samplers.dither": dict(
+        mask=[np.zeros(4), np.zeros((0, 4)), np.ones((2, 2)), np.full((2, 2), np.nan)]
+    ),
     "qmcjax.samplers.full_screen": dict(
         net=[
             sequences.van_der_corput(3),
@@ -110,6 +113,9 @@ VALUES = {
     ),
     "qmcjax.samplers.randomized": dict(spp=[0]),
     "qmcjax.samplers.ranked": dict(dims=[5]),
+    "qmcjax.samplers.tiled": dict(
+        points=[np.zeros((4, 4, 1, 3)), np.ones((4, 4, 1, 2)), np.zeros((4, 3, 1, 2))]
+    ),
     "qmcjax.samplers.z": dict(alphabet=[9], constituents=[(2, 3), ()], spp=[0, 2**32, 12]),
     "qmcjax.scenes.ball": dict(ends=[[[0.5, 0.5]]], starts=[[0.5, 0.5]], times=[(), [1.0]]),
     "qmcjax.scenes.blinking_disc": dict(centre=[[1, 2, 3]], on=[(0.5, 0.5)]),
@@ -132,7 +138,7 @@ VALUES = {
     "qmcjax.scenes.step": dict(offset=[[1.0]]),
     "qmcjax.scenes.triangle": dict(vertices=[[(0, 0), (0.1, 0.1), (0.3, 0.3)], [(0, 0), (1, 1)]]),
     "qmcjax.scenes.zone_plate": dict(frequency=[math.inf, jnp.float32(-2), [1.0, 20.0]]),
-    "qmcjax.sequences.components": dict(dims=[()]),
+    "qmcjax.sequences.components": dict(dims=[(), (0, 99), (1, 0, 1)]),
     "qmcjax.sequences.digital": dict(matrices=[np.zeros((2, 31), np.uint32)]),
     "qmcjax.sequences.direction_numbers_text": dict(numbers=[[], [(3, [1]), (5, [1, 1])]]),
     "qmcjax.sequences.faure": dict(base=[4, 1, 8209]),

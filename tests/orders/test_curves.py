@@ -90,12 +90,6 @@ def test_hilbert_paper_figure_1(log_side):
     assert hilbert_counts.mean() < morton_counts.mean()
 
 
-@pytest.mark.parametrize("radius", [-1, 1.0, True, 2**16])
-def test_bad_radius(radius):
-    with pytest.raises((TypeError, ValueError), match="radius"):
-        segment_counts(orders.raster(2, 2), radius)
-
-
 @pytest.mark.parametrize("order", [orders.hilbert(16, 16), orders.moore(16, 16), orders.peano(9, 9)])
 def test_curves_that_step_to_neighbours_are_shortest(order):
     assert curve_length(order) == order.width * order.height - 1

@@ -3,7 +3,6 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from refusals import refused
 from scipy.stats import qmc
 from tables import few, first, points_of
 
@@ -212,14 +211,3 @@ def test_boxes_of_further_coordinates_meet_in_all_ways_over_frames():
     both = 4 * first_pair + second
     for pixel in np.moveaxis(both, 0, -1).reshape(16, -1):
         assert len(np.unique(pixel)) == 16
-
-
-TILE = free((4, 4, 1, 2))
-
-test_wrong_tiles = refused(
-    (free((4, 4, 1, 3)), 1, r"^points must have shape \(height, width, spp, d\) or"),
-    (TILE + 1, 1, r"^points must be in \[0, 1\), got"),
-    (free((4, 3, 1, 2)), 1, "^points must have powers of two up to 65536 as height, width"),
-    call=samplers.tiled,
-)
-test_wrong_counts = refused((8, 8, 3, 1, "^spp must be a power of two, got 3"), call=samplers.designed)

@@ -106,7 +106,8 @@ def _below_random(rows: Rows) -> bool:
 
 def _draw(rows: Rows, floors: Mapping[str, float], found: Mapping[str, dict]) -> Figure:
     shown = {name: of for name, of in _by_scene(rows).items() if name in SHOWN}
-    down = -(-len(shown) // COLUMNS)
+    columns = min(COLUMNS, len(shown))
+    down = -(-len(shown) // columns)
     longer = [of["times as long as the fastest of ours"]["random"] for of in found.values()]
     factor = f"{min(longer):.1f}" + f" to {max(longer):.1f}" * (len(longer) > 1)
     figure = new_figure(
@@ -114,7 +115,7 @@ def _draw(rows: Rows, floors: Mapping[str, float], found: Mapping[str, dict]) ->
         "traced scenes; a mark for each number of samples, lower left is better; grey: the reference's error",
         2.0 * down + 1.8,
     )
-    panels = figure.subplots(down, COLUMNS, squeeze=False).ravel()
+    panels = figure.subplots(down, columns, squeeze=False).ravel()
     for axes in panels[len(shown) :]:
         axes.set_axis_off()
     for axes, (name, of) in zip(panels, shown.items(), strict=False):

@@ -158,10 +158,8 @@ CHIP = """
 $sign <b>$count</b> $verdict</a>
 """
 
-ROW = (
-    '<tr data-verdict="$verdict"><td>$paper, $place</td><td>$claim</td><td>$word$draft</td><td>$measured</td>'
-    "<td>$shown</td></tr>"
-)
+ROW = '<tr data-verdict="$verdict"><td>$paper, $place<td>$claim<td>$word$draft<td>$measured<td>$shown'
+"""Without the end tags that HTML leaves out: they are a tenth of the page."""
 
 COLUMNS = ("Place", "Claim", "Verdict", "Measured", "Shown by")
 

@@ -31,13 +31,21 @@ class Parsed(HTMLParser):
         assert self.open == []
 
     def handle_starttag(self, tag, attributes):
+        self.end({"td": ("td",), "tr": ("td", "tr")}.get(tag, ()))
         element = {"tag": tag, "text": "", **dict(attributes)}
         self.elements.append(element)
         if tag not in VOID:
             self.open.append(element)
 
     def handle_endtag(self, tag):
+        if tag == "tbody":  # In HTML it ends the last row and its last cell.
+            self.end(("td", "tr"))
         assert self.open.pop()["tag"] == tag
+
+    def end(self, tags):
+        """End open elements whose end tags HTML leaves out."""
+        while self.open and self.open[-1]["tag"] in tags:
+            self.open.pop()
 
     def handle_data(self, data):
         for element in self.open:

@@ -105,6 +105,27 @@ def high_product(a: Array, b: Array) -> Array:
         return (product >> np.uint64(32)).astype(jnp.uint32)
 
 
+_SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
+_GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
+
+
+@traced_once
+def spread(word: Array) -> Array:
+    """Move bit ``k`` to bit ``2 k``, for the lower 16 bits."""
+    for shift, mask in _SPREADING:
+        word = (word | (word << shift)) & _word(mask)
+    return word
+
+
+@traced_once
+def gather(word: Array) -> Array:
+    """Move bit ``2 k`` to bit ``k``; drop the odd bits."""
+    word = word & _word(0x55555555)
+    for shift, mask in _GATHERING:
+        word = (word | (word >> shift)) & _word(mask)
+    return word
+
+
 @traced_once
 def hash_word(word: Array) -> Array:
     """Mix a word: a bijection of 32-bit words, with all output bits dependent on all input bits.

@@ -1,4 +1,4 @@
-"""Exact integers before tracing: matrices over prime fields F_q, short vectors of lattices, Thue-Morse words.
+"""Exact integers before tracing: matrices and polynomials over F_q, shortest vectors, Thue-Morse words.
 
 ``q`` is a prime below 2**16. Entries of matrices are integers, taken modulo ``q``; results are int64 arrays.
 
@@ -8,6 +8,7 @@ dimensions, the order of a and b do not change it.
 """
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -230,3 +231,44 @@ def word_children() -> NDArray[np.uint32]:
             start = CONTEXT + half
             symbols[i, half] = number[tuple(image[start : start + CONTEXT + 1])]
     return symbols
+
+
+@lru_cache(maxsize=2**16)
+def is_irreducible(polynomial: int) -> bool:
+    """Return whether a polynomial is irreducible with constant coefficient 1 (M. O. Rabin, 1980).
+
+    Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no common factor
+    with it for any prime p that divides n.
+    """
+    degree = polynomial.bit_length() - 1
+    if polynomial % 2 == 0:
+        return False
+    maximal = {degree // prime for prime in _prime_factors(degree)}
+    power = _remainder(0b10, polynomial)
+    for k in range(1, degree + 1):
+        power = _squared(power, polynomial)
+        if k in maximal and _common(polynomial, power ^ 0b10) != 1:
+            return False
+    return power == _remainder(0b10, polynomial)
+
+
+def _squared(value: int, polynomial: int) -> int:
+    """Square a polynomial: zeros separate its coefficients."""
+    return _remainder(int(f"{value:b}", 4), polynomial)
+
+
+def _remainder(value: int, polynomial: int) -> int:
+    while (beyond := value.bit_length() - polynomial.bit_length()) >= 0:
+        value ^= polynomial << beyond
+    return value
+
+
+def _common(a: int, b: int) -> int:
+    """Return the greatest common divisor of two polynomials."""
+    while b:
+        a, b = b, _remainder(a, b)
+    return a
+
+
+def _prime_factors(number: int) -> set[int]:
+    return {p for p in range(2, number + 1) if number % p == 0 and is_prime(p)}

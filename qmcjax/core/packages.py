@@ -1,32 +1,28 @@
-"""Checks that no other files hide the packages of the project; the command ``qmcjax``."""
+"""Checks that no other files hide the packages of the project."""
 
-import importlib
 import importlib.util
-import os
 import sys
 from importlib.machinery import PathFinder
 from pathlib import Path
 from types import ModuleType
 
-PACKAGES = ("qmcjax", "analysis", "figures")
 SAFE = "PYTHONSAFEPATH"
 """This environment variable keeps Python from importing modules from the current folder first."""
-
 
 ROOT = Path(__file__).resolve().parents[2]
 """The folder of the packages."""
 
 
-def check() -> None:
+def check(*names: str) -> None:
     """Exit with the name of the file if a package is not the one installed with this one."""
-    for name in PACKAGES:
+    for name in names:
         found = importlib.util.find_spec(name)
         if found is None or found.origin is None:
             sys.exit(f"qmcjax: the package {name} must be in {ROOT}, where qmcjax is")
         if _hides(found.origin):
             sys.exit(
                 f"qmcjax: {found.origin} hides the package {name} of qmcjax, which is in {ROOT}: rename that "
-                "file, or, if it is in the current folder, run qmcjax ... instead of python -m figures ..."
+                "file, or, if it is in the current folder, run the command qmcjax"
             )
 
 
@@ -53,10 +49,3 @@ def load(name: str) -> ModuleType:
 
 def _hides(file: str) -> bool:
     return Path(file).resolve().parents[1] != ROOT
-
-
-def main() -> int:
-    """Run the command line, ``python -m figures``, for any file names in the current folder."""
-    os.environ[SAFE] = "1"  # For the processes that it starts.
-    check()
-    return importlib.import_module("figures.__main__").until_nobody_reads()

@@ -10,14 +10,14 @@ FEWEST = 4
 """Smallest number of values: fewer do not show whether they are nearly normal."""
 
 
-def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return a 95 % confidence interval for the mean of independent values, infinite for fewer than 4.
+def interval(values: NDArray[np.float64], error: float = ERROR) -> tuple[float, float]:
+    """Return a confidence interval, of 95 %, for the mean of independent values, infinite for fewer than 4.
 
     The values must be nearly normal: heavy tails make the interval too long, skewness too short.
     """
     from scipy.special import stdtrit
 
-    half = stdtrit(max(1, len(values) - 1), 1 - ERROR / 2) * _standard_error(values)
+    half = stdtrit(max(1, len(values) - 1), 1 - error / 2) * _standard_error(values)
     return float(values.mean() - half), float(values.mean() + half)
 
 

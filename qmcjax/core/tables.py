@@ -4,6 +4,7 @@
 """
 
 import math
+import os
 import re
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -70,6 +71,17 @@ def named(path: Path) -> Iterator[None]:
         yield
     except ValueError as error:
         raise ValueError(f"{path}, {error}") from None
+
+
+@contextmanager
+def replaced(path: Path) -> Iterator[Path]:
+    """Yield the path of a temporary file, which replaces another one unless there is an exception."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def wrong(line: int, rule: str, got: Any, column: int | None = None) -> ValueError:

@@ -9,11 +9,10 @@ import numpy as np
 from jax import Array, lax
 
 from qmcjax.core import checks, draws
-from qmcjax.core.bits import hash_word, high_product, traced_once
+from qmcjax.core.bits import gather, hash_word, high_product, spread, traced_once
 from qmcjax.core.parameters import together
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import SquareOrder
-from qmcjax.orders._morton import gather, spread
 
 PERMUTATIONS = 24
 """Number of permutations of the four children."""
@@ -106,7 +105,7 @@ class ScrambledMorton(SquareOrder):
         """
 
     @abc.abstractmethod
-    def member(self, number: int) -> "ScrambledMorton":
+    def member(self, number: int | Array) -> "ScrambledMorton":
         """Return one order of a :meth:`family`; member 0 is the original order."""
 
     def scrambled(self, code: Array | int, digits: int, node: Array | None = None) -> tuple[Array, Array]:
@@ -227,7 +226,7 @@ class Hashed(ScrambledMorton):
     def family(self, keys: Array) -> "Hashed":
         return replace(self, seed=with_random_words(self.seed, keys))
 
-    def member(self, number: int) -> "Hashed":
+    def member(self, number: int | Array) -> "Hashed":
         return replace(self, seed=self.seed[number])
 
     def _permutation(self, node: Array) -> Array:
@@ -252,7 +251,7 @@ class Multiplicative(ScrambledMorton):
     def family(self, keys: Array) -> "Multiplicative":
         return replace(self, dim=with_random_words(self.dim, keys))
 
-    def member(self, number: int) -> "Multiplicative":
+    def member(self, number: int | Array) -> "Multiplicative":
         return replace(self, dim=self.dim[number])
 
     def _permutation(self, node: Array) -> Array:

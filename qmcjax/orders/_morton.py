@@ -4,7 +4,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import checks
-from qmcjax.core.bits import gray_decode, gray_encode, traced_once
+from qmcjax.core.bits import gather, gray_decode, gray_encode, spread
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders._base import Order, SquareOrder
 
@@ -33,27 +33,6 @@ def raster(width: int, height: int) -> Raster:
     11
     """
     return Raster(*checks.image_size(width, height))
-
-
-_SPREADING = ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555))
-_GATHERING = ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF))
-
-
-@traced_once
-def spread(word: Array) -> Array:
-    """Move bit ``k`` to bit ``2 k``, for the lower 16 bits."""
-    for shift, mask in _SPREADING:
-        word = (word | (word << shift)) & np.uint32(mask)
-    return word
-
-
-@traced_once
-def gather(word: Array) -> Array:
-    """Move bit ``2 k`` to bit ``k``; drop the odd bits."""
-    word = word & np.uint32(0x55555555)
-    for shift, mask in _GATHERING:
-        word = (word | (word >> shift)) & np.uint32(mask)
-    return word
 
 
 @frozen_pytree

@@ -44,7 +44,7 @@ class LookupTree(ScrambledMorton):
         others = _permutations_of(keys, self.permutations.shape[0])
         return replace(self, permutations=jnp.concatenate([self.permutations[None], others]))
 
-    def member(self, number: int) -> Self:
+    def member(self, number: int | Array) -> Self:
         return replace(self, permutations=self.permutations[number])
 
     def _permutation(self, node: Array) -> Array:
@@ -71,7 +71,7 @@ class RandomTree(LookupTree):
         shifts = _shifts_of(keys, self.permutations.shape[0])
         return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
 
-    def member(self, number: int) -> Self:
+    def member(self, number: int | Array) -> Self:
         return replace(super().member(number), shift=self.shift[number])
 
     def _child(self, node: Array, digit: Array) -> Array:
@@ -92,10 +92,6 @@ def _shifts_of(keys: Array, letters: int) -> Array:
 
 def random_permutations(letters: int, key: Array) -> Array:
     return scaled(draws.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
-
-
-def random_production(letters: int, key: Array) -> Array:
-    return scaled(draws.bits(key, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
 
 
 def art_production() -> Array:
@@ -175,7 +171,7 @@ def scrambled_morton(
         production = art_production()
         return LookupTree(width, height, production, random_permutations(len(production), of_permutations))
     letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
-    production = random_production(letters, of_production)
+    production = scaled(draws.bits(of_production, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
     return RandomTree(width, height, production, random_permutations(letters, of_permutations), jnp.uint32(0))
 
 

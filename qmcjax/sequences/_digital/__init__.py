@@ -1,1 +1,1 @@
-"""Digital sequences: generator matrices over F2 and over prime fields."""
+"""Sequences by digits: generator matrices over F2 and over prime fields, and radical inverses."""

@@ -5,9 +5,8 @@ block of ``4**k`` points of a (0,2)-sequence, a frame, has one point in every ce
 cells per side. The frame gives the upper bits of the index, the cell the lower ``2 k``.
 """
 
-import abc
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
@@ -129,13 +128,19 @@ class NetByFrames:
         return start | selected(self.inverse, wrong)
 
 
-@dataclass(frozen=True)
-class Moved:
-    """An invertible net after a scrambling, which permutes the cells; subclasses invert the permutation."""
+@frozen_pytree
+class MappedCells:
+    """An invertible net after a map of its coordinates, which permutes the cells."""
 
     net: Invertible
+    f: Any
+    """With the methods ``word(word, dim)`` and ``inverse(word, dim)``."""
 
     reported = ("dims", "size")
+
+    @property
+    def called(self) -> str:
+        return self.f.called
 
     @property
     def dims(self) -> int:
@@ -145,40 +150,26 @@ class Moved:
     def size(self) -> int | None:
         return self.net.size
 
+    def word(self, index: Array, dim: int) -> Array:
+        return self.f.word(self.net.word(index, dim), dim)
+
     def points_per_cell(self, log_side: int) -> int:
         return self.net.points_per_cell(log_side)
 
     def index_in_cell(self, x: Array, y: Array, log_side: int, sample: Array) -> Array:
         """Return the index of a point in a cell: that of the net's point in the cell that was moved here."""
-        x, y = self.before(x, 0, log_side), self.before(y, 1, log_side)
-        return self.net.index_in_cell(x, y, log_side, sample)
 
-    @abc.abstractmethod
-    def before(self, place: Array, dim: int, log_side: int) -> Array:
-        """Return the columns (dimension 0) or rows (1) that the scrambling moved to the given places."""
+        def before(place: Array, dim: int) -> Array:
+            # Two shifts, because a shift by 32 is undefined.
+            return self.f.inverse(place << (31 - log_side) << 1, dim) >> 1 >> (31 - log_side)
 
-
-@frozen_pytree
-class Flipped(Moved):
-    """An invertible net after a digital shift."""
-
-    shifts: Array
-    """uint32 (dims,): the digital shift."""
-
-    called = "digital_shift"
-
-    def word(self, index: Array, dim: int) -> Array:
-        return self.net.word(index, dim) ^ self.shifts[dim]
-
-    def before(self, place: Array, dim: int, log_side: int) -> Array:
-        # Two shifts, because a shift by 32 is undefined.
-        return place ^ (self.shifts[dim] >> 1 >> (31 - log_side))
+        return self.net.index_in_cell(before(x, 0), before(y, 1), log_side, sample)
 
 
 def net_by_frames_of(sequence: Any, matrices: Array, log_side: int) -> NetByFrames:
     """Invert the digital sequence in base 2 with the given generator matrices, uint32 (dims, 32)."""
     if sequence.dims < 2:
-        raise ValueError(f"sequence must have at least 2 dimensions to fill a raster, got {sequence.dims}")
+        raise ValueError(f"net must have at least 2 dimensions to fill a raster, got {sequence.dims}")
     if log_side == 0:
         return NetByFrames(sequence, jnp.zeros(0, jnp.uint32), 0)
     columns, regular = _inverse(matrices[:2], log_side)

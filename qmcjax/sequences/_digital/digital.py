@@ -1,7 +1,7 @@
 """Digital sequences in base 2: a coordinate is a matrix over F2 times the bits of the index."""
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -16,8 +16,8 @@ from qmcjax.core.bits import gray_decode, pascal, reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._digital.cells import Invertible, NetByFrames, net_by_frames_of, product, selected
 from qmcjax.sequences._digital.sobol_matrix import columns_beyond, matrices_of
-from qmcjax.sequences._protocol.base import FEW, Derived, Sequence
-from qmcjax.sequences._protocol.binary import BinarySequence, Fraction
+from qmcjax.sequences._protocol.base import FEW, Sequence
+from qmcjax.sequences._protocol.binary import BinarySequence, Dims, Fraction
 
 SOBOL_DIMS = 21201
 """Number of dimensions in the table of Joe and Kuo."""
@@ -60,6 +60,8 @@ class Digital(BinarySequence):
     """Multiplies upper words of indices by matrix ``dim``, if columns from 32 on are known."""
     called: str = field(default="digital", metadata={"static": True})
     """Name of the function that makes such a sequence."""
+    high: Array | None = None
+    """Upper words of 64-bit indices."""
 
     @property
     def dims(self) -> int:
@@ -70,21 +72,21 @@ class Digital(BinarySequence):
         return self.limit if self.upper is None else checks.INDEX_LIMIT**2
 
     def with_high_word(self, high: Array) -> Sequence:
-        return super().with_high_word(high) if self.upper is None else Digital64(self, high, self.upper)
+        return super().with_high_word(high) if self.upper is None else replace(self, high=high)
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
-        if dim < len(self.steps):
-            return self.steps[dim](index)
-        return product(reverse(self.matrices[dim]), index)
+        steps = dim < len(self.steps)
+        bits = self.steps[dim](index) if steps else product(reverse(self.matrices[dim]), index)
+        return bits if self.high is None or self.upper is None else bits ^ self.upper(dim, self.high)
 
     def word(self, index: Array, dim: int) -> Array:
-        if dim < len(self.steps):
-            return reverse(self.steps[dim](index))
+        if dim < len(self.steps) or self.high is not None:
+            return super().word(index, dim)
         return product(self.matrices[dim], index)
 
-    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        if len(dims) <= FEW:
-            return super().fractions(index, dims)
+    def fraction(self, index: Array, dims: Dims) -> Fraction:
+        if isinstance(dims, int) or len(dims) <= FEW or self.high is not None:
+            return super().fraction(index, dims)
         columns = self._columns(dims)
         return Fraction(lambda: product(columns, index), lambda: product(reverse(columns), index))
 
@@ -94,8 +96,8 @@ class Digital(BinarySequence):
         return product(self._columns(tuple(range(self.dims))), index)
 
     @property
-    def linear(self) -> "Digital":
-        return self
+    def linear(self) -> "Digital | None":
+        return self if self.high is None else None
 
     def inverted(self, log_side: int) -> NetByFrames:
         return net_by_frames_of(self, self.matrices, log_side)
@@ -121,18 +123,6 @@ class Digital(BinarySequence):
         if dims != tuple(range(self.dims)):
             return self.matrices[np.array(dims)].T
         return self.matrices.T
-
-
-@frozen_pytree
-class Digital64(Derived, BinarySequence):
-    """Point i is point ``high * 2**32 + i`` of a digital sequence, in its first 32 digits."""
-
-    sequence: Digital
-    high: Array
-    upper: Callable[[int, Array], Array] = field(metadata={"static": True})
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return self.sequence.bit_reversed(index, dim) ^ self.upper(dim, self.high)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -258,32 +248,3 @@ def inverted(net: Any, log_side: int) -> Invertible:
         raise TypeError(f"net must be invertible (have index_in_cell), got {checks.shown(net)}")
     net.points_per_cell(log_side)
     return net
-
-
-def net_by_frames(sequence: Digital, log_side: int) -> NetByFrames:
-    """Invert a digital (0,2)-sequence: find its points from their cells.
-
-    Parameters
-    ----------
-    sequence : Digital
-        At least two dimensions. The first two must be a (0,2)-sequence, or at least have one of each
-        ``4**log_side`` points in every cell.
-    log_side : int
-        Binary logarithm of the number of cells per side, in [0, 16].
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.5 (here without tables, for any ``log_side``).
-
-    Examples
-    --------
-    >>> import jax.numpy as jnp
-    >>> from qmcjax import sequences
-    >>> frames = net_by_frames(sequences.sobol(2), 3)
-    >>> index = frames.index_in_cell(jnp.uint32(5), jnp.uint32(2), 3, jnp.uint32(0))
-    >>> print(sequences.sobol(2)(index) * 8)
-    [5.75 2.75]
-    """
-    if not isinstance(sequence, Digital):
-        raise TypeError(f"sequence must be digital in base 2 (have matrices), got {checks.shown(sequence)}")
-    return sequence.inverted(checks.integer("log_side", log_side, 0, 16))

@@ -101,7 +101,7 @@ def direction_numbers_text(numbers: Iterable[tuple[int, Sequence[int] | ArrayLik
     Parameters
     ----------
     numbers : iterable of DirectionNumbers
-        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`.
+        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers.
 
     Examples
     --------
@@ -123,8 +123,8 @@ def sobol_of(numbers: Iterable[tuple[int, Sequence[int] | ArrayLike]]) -> Digita
     Parameters
     ----------
     numbers : iterable of DirectionNumbers
-        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as for :func:`sobol_matrix`. The
-        first dimension is the van der Corput sequence.
+        Of dimensions 2, 3, ...: pairs of a polynomial and initial numbers, as :class:`DirectionNumbers`. The
+        first dimension is the van der Corput sequence. Matrices are invertible and upper triangular.
 
     Returns
     -------

@@ -96,11 +96,9 @@ def read_matrices(
         if file.kind not in ("plattice", "sobol", "soboljk"):
             raise wrong(file.heading.number, "be a heading of generator matrices", file.heading.comment)
         _check_base(file.heading.number, 2, base)
-        return _polynomial_lattice(file) if file.kind == "plattice" else np.array(_sobol(file))
-
-
-def _sobol(file: IntegerFile) -> ArrayLike:
-    return sobol_of(numbers_of(file)).matrices
+        if file.kind == "plattice":
+            return _polynomial_lattice(file)
+        return np.array(sobol_of(numbers_of(file)).matrices)
 
 
 def _net(file: IntegerFile, base: int) -> NDArray:

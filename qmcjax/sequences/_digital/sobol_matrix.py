@@ -4,54 +4,21 @@ from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
-from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from qmcjax.core import checks, number_theory, tables
-
-
-def sobol_matrix(polynomial: int, initial: ArrayLike) -> Array:
-    """Construct the generator matrix of one component of a Sobol' sequence.
-
-    Parameters
-    ----------
-    polynomial : int
-        An irreducible polynomial over F2 other than x, of degree s in [1, 32], with the coefficient of x**i
-        in bit i: x**3 + x + 1 is 0b1011. Sobol' uses primitive polynomials; t is known for irreducible ones,
-        too.
-    initial : int ArrayLike, shape (s,)
-        m_1, ..., m_s: m_k is odd and less than 2**k.
-
-    Returns
-    -------
-    uint32 Array, shape (32,)
-        Column k, its first row in bit 31: a row of the ``matrices`` of :func:`digital`. Invertible and upper
-        triangular.
-
-    References
-    ----------
-    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.1, Eq. 5.13.
-    .. [2] P. Bratley, B. L. Fox, "Algorithm 659: Implementing Sobol's Quasirandom Sequence
-       Generator", ACM Trans. Math. Softw. 14, 1988.
-
-    Examples
-    --------
-    >>> from qmcjax import sequences
-    >>> print(bool((sobol_matrix(0b111, [1, 3]) == sequences.sobol(3).matrices[2]).all()))
-    True
-    """
-    numbers = validate_numbers(polynomial, initial)
-    return jnp.asarray(columns_of([numbers])[0])
 
 
 class DirectionNumbers(NamedTuple):
     """Direction numbers of a component of a Sobol' sequence."""
 
     polynomial: int
-    """An irreducible polynomial over F2 of degree s in [1, 32], the coefficient of x**i in bit i."""
+    """An irreducible polynomial over F2 other than x, of degree s in [1, 32].
+
+    Bit i is the coefficient of x**i: x**3 + x + 1 is 0b1011. Sobol' uses primitive polynomials; t is known
+    for irreducible ones, too.
+    """
     initial: tuple[int, ...]
     """The odd numbers m_1, ..., m_s: m_k is less than 2**k."""
 
@@ -59,7 +26,7 @@ class DirectionNumbers(NamedTuple):
 def validate_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
     """Return direction numbers, or raise an error that names ``polynomial`` or ``initial``."""
     polynomial = checks.integer("polynomial", polynomial, 2, 2**33 - 1)
-    if not _is_irreducible(polynomial):
+    if not number_theory.is_irreducible(polynomial):
         raise ValueError(f"polynomial must be irreducible over F2, and not x, got {polynomial:#b}")
     degree = polynomial.bit_length() - 1
     wanted = f"{degree} integers, the degree's number"
@@ -74,7 +41,14 @@ def validate_numbers(polynomial: Any, initial: Any) -> DirectionNumbers:
 
 
 def columns_of(numbers: Sequence[DirectionNumbers], count: int = 32) -> NDArray[np.uint32]:
-    """Return the first columns of the matrices of components, uint32 (components, count), by Eq. 5.13."""
+    """Return the first columns of the matrices of components, uint32 (components, count), by Eq. 5.13 [1]_.
+
+    References
+    ----------
+    .. [1] L. Gruenschloss, "Motion Blur", 2008, Sect. 5.2.1.
+    .. [2] P. Bratley, B. L. Fox, "Algorithm 659: Implementing Sobol's Quasirandom Sequence
+       Generator", ACM Trans. Math. Softw. 14, 1988.
+    """
     degrees = np.array([len(initial) for _, initial in numbers])
     matrices = np.zeros((len(numbers), count), np.uint32)
     for degree in np.unique(degrees):
@@ -103,47 +77,6 @@ def _columns_of_degree(
             column ^= (polynomials >> np.uint64(degree - i) & np.uint64(1)) * columns[:, k - i]
         columns[:, k] = column
     return columns
-
-
-@lru_cache(maxsize=2**16)
-def _is_irreducible(polynomial: int) -> bool:
-    """Return whether a polynomial is irreducible with constant coefficient 1 (M. O. Rabin, 1980).
-
-    Modulo an irreducible polynomial of degree n, x**(2**n) is x, and x**(2**(n / p)) + x has no common factor
-    with it for any prime p that divides n.
-    """
-    degree = polynomial.bit_length() - 1
-    if polynomial % 2 == 0:
-        return False
-    maximal = {degree // prime for prime in _prime_factors(degree)}
-    power = _reduced(0b10, polynomial)
-    for k in range(1, degree + 1):
-        power = _squared(power, polynomial)
-        if k in maximal and _common(polynomial, power ^ 0b10) != 1:
-            return False
-    return power == _reduced(0b10, polynomial)
-
-
-def _squared(value: int, polynomial: int) -> int:
-    """Square a polynomial: zeros separate its coefficients."""
-    return _reduced(int(f"{value:b}", 4), polynomial)
-
-
-def _reduced(value: int, polynomial: int) -> int:
-    while (beyond := value.bit_length() - polynomial.bit_length()) >= 0:
-        value ^= polynomial << beyond
-    return value
-
-
-def _common(a: int, b: int) -> int:
-    """Return the greatest common divisor of two polynomials."""
-    while b:
-        a, b = b, _reduced(a, b)
-    return a
-
-
-def _prime_factors(number: int) -> set[int]:
-    return {p for p in range(2, number + 1) if number % p == 0 and number_theory.is_prime(p)}
 
 
 @lru_cache(maxsize=16)

@@ -1,1 +1,1 @@
-"""Point sets of fixed size."""
+"""Nets, lattices and Kronecker sequences."""

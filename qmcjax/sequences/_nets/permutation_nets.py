@@ -10,7 +10,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import reverse
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._nets.nets import Net, above, fraction_of, hammersley_net, low, reverse_low
-from qmcjax.sequences._protocol.binary import WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence
 
 
 @frozen_pytree
@@ -135,7 +135,7 @@ _PERMUTATIONS = {
 
 
 @frozen_pytree
-class PermutationNet3D(WordFirst):
+class PermutationNet3D(BinarySequence):
     """One of P_2, ..., P_5, tiled until there are 2**m points (thesis Sect. 5.3.2)."""
 
     m: int = field(metadata={"static": True})

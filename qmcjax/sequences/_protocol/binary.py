@@ -14,10 +14,12 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.base import FEW, Sequence
-from qmcjax.sequences._protocol.many_points import ROWS
+from qmcjax.sequences._protocol.base import FEW, ROWS, Sequence
 
 Map = Callable[[Array], Array]
+
+Dims = int | tuple[int, ...]
+"""The number of one coordinate, or those of several, stacked last."""
 
 
 class Fraction:
@@ -90,27 +92,21 @@ _LANES = 16
 class BinarySequence(Sequence):
     """A sequence in base 2: coordinates are 32-bit fractions, exact until the last step.
 
-    Subclasses implement :meth:`bit_reversed`, and :meth:`word` if there is a faster way.
+    Subclasses implement :meth:`bit_reversed` or :meth:`word`, or both if that is faster.
     """
 
-    @abc.abstractmethod
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction with its first digit in bit 0, for scramblers."""
+        return reverse(self.word(index, dim))
 
     def word(self, index: Array, dim: int) -> Array:
         """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
         return reverse(self.bit_reversed(index, dim))
 
-    def words(self, index: Array, dims: tuple[int, ...]) -> Array:
-        """Return the given coordinates as 32-bit fractions, shape ``index.shape + (len(dims),)``."""
-        return self.fractions(index, dims).word()
-
-    def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate, lazily in either form."""
-        return Fraction(partial(self.word, index, dim), partial(self.bit_reversed, index, dim))
-
-    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
-        """Return the given coordinates, stacked last, lazily in either form."""
+    def fraction(self, index: Array, dims: Dims) -> Fraction:
+        """Return one coordinate, or several, lazily in either form."""
+        if isinstance(dims, int):
+            return Fraction(partial(self.word, index, dims), partial(self.bit_reversed, index, dims))
 
         def stacked(one: Callable[[Array, int], Array]) -> Array:
             return jnp.stack([one(index, j) for j in dims], axis=-1)
@@ -119,15 +115,15 @@ class BinarySequence(Sequence):
 
     def table_words(self, index: Array) -> Array:
         """Return all coordinates of few points as 32-bit fractions, with short compile time."""
-        return self.words(index, tuple(range(self.dims)))
+        return self.fraction(index, tuple(range(self.dims))).word()
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         return to_unit(self.word(index, dim), dtype)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         if len(dims) > FEW:
-            return to_unit(self.words(index, dims), dtype)
-        return jnp.stack([to_unit(self.fraction(index, j).word(), dtype) for j in dims], axis=-1)
+            return to_unit(self.fraction(index, dims).word(), dtype)
+        return jnp.stack([to_unit(self.word(index, j), dtype) for j in dims], axis=-1)
 
     def nearby_coordinates(
         self, index: Array, changes: list[Array], dim: int, dtype: DTypeLike
@@ -161,7 +157,7 @@ class BinarySequence(Sequence):
         """
         return None
 
-    def of_linear(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
+    def of_linear(self, fraction: Fraction, dims: Dims) -> Fraction:
         """Return the coordinates of this sequence from those of :attr:`linear`.
 
         Parameters
@@ -170,27 +166,30 @@ class BinarySequence(Sequence):
             One coordinate, or several stacked last.
         dims : int or tuple of int
             The numbers of these coordinates.
+
+        Returns
+        -------
+        Fraction
         """
         return fraction
 
     def prepare_block(self, first: Array, count: int, dims: tuple[int, ...]) -> Any:
-        linear = self._linear_of_blocks(count, dims)
-        if linear is None:
-            return super().prepare_block(first, count, dims)
-        return {j: linear.fraction(first, j).forms for j in dims}
+        # Two components of a (0,2)-sequence cost less than reading their first points from memory.
+        linear = None if len(dims) <= 2 or count & (count - 1) else self.linear
+        return first if linear is None else [linear.fraction(first, part).forms for part in _parts(dims)]
 
     def block_points(
         self, block: Any, k: Array, count: int, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
-        linear = self._linear_of_blocks(count, dims)
-        if linear is None:
+        if isinstance(block, Array):
             return self.coordinates(block + k, dims, dtype)
-        points = [self.of_linear(Fraction.of(block[j]) ^ linear.fraction(k, j), j).word() for j in dims]
-        return jnp.stack([to_unit(point, dtype) for point in points], axis=-1)
-
-    def _linear_of_blocks(self, count: int, dims: tuple[int, ...]) -> "BinarySequence | None":
-        # Two components of a (0,2)-sequence cost less than reading their first points from memory.
-        return None if len(dims) <= 2 or count & (count - 1) else self.linear
+        linear: Any = self.linear
+        parts = zip(block, _parts(dims), strict=True)
+        points = [
+            to_unit(self.of_linear(Fraction.of(first) ^ linear.fraction(k, part), part).word(), dtype)
+            for first, part in parts
+        ]
+        return points[0] if len(dims) > FEW else jnp.stack(points, axis=-1)
 
     def blocks(self, start: Array, count: int, rows: int) -> Blocks | None:
         """Return tables for ``count`` blocks of ``rows`` points from index ``start`` on.
@@ -259,26 +258,20 @@ class BinarySequence(Sequence):
             Bit 31 is the first digit: a coordinate is ``bits / 2**32``.
         """
         wanted = checks.dimensions(dims, self.dims)
-        return self.words(checks.unsigned("index", index, self.limit), wanted)
+        return self.fraction(checks.unsigned("index", index, self.limit), wanted).word()
 
 
-class WordFirst(BinarySequence):
-    """A sequence in base 2 that implements :meth:`word` instead of ``bit_reversed``: its sums carry."""
-
-    @abc.abstractmethod
-    def word(self, index: Array, dim: int) -> Array:
-        """Return one coordinate as a 32-bit fraction, its first digit in bit 31."""
-
-    def bit_reversed(self, index: Array, dim: int) -> Array:
-        return reverse(self.word(index, dim))
+def _parts(dims: tuple[int, ...]) -> list[Dims]:
+    """Return what to compute together: one by one, 28 coordinates take 15 times as long to compile."""
+    return [dims] if len(dims) > FEW else [*dims]
 
 
 class FractionFirst(BinarySequence):
     """A sequence in base 2 that implements :meth:`fraction`, in the forms of another sequence."""
 
     @abc.abstractmethod
-    def fraction(self, index: Array, dim: int) -> Fraction:
-        """Return one coordinate, lazily in either form."""
+    def fraction(self, index: Array, dims: Dims) -> Fraction:
+        """Return one coordinate, or several, lazily in either form."""
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         return self.fraction(index, dim).bit_reversed()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks, plug_ins
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import Sequence
-from qmcjax.sequences._protocol.binary import WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence
 
 _PROTOCOL = "have dims and a call (index, dims, dtype) or (index) that returns points [..., dims]"
 
@@ -176,7 +176,7 @@ def function(f: Callable[[Array], Array], dims: int) -> PlugIn:
 
 
 @frozen_pytree
-class Tabulated(WordFirst):
+class Tabulated(BinarySequence):
     """A table of points."""
 
     table: Array

@@ -12,8 +12,8 @@ from qmcjax.core.digits import Base, base_of, cell_fraction, digit_count, digit_
 from qmcjax.core.jax_internals import alike
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.sequences._protocol.base import DigitSequence, with_digits
-from qmcjax.sequences._protocol.binary import BinarySequence, Fraction
-from qmcjax.sequences._scrambling.scrambled import Scrambled, ScrambledDigits, of_dims
+from qmcjax.sequences._protocol.binary import BinarySequence, Dims
+from qmcjax.sequences._scrambling.mapped import Mapped, ScrambledDigits, of_dims
 
 _DRAWN = 2**13
 """Most outcomes of swaps that are drawn together from 32 random bits."""
@@ -105,33 +105,29 @@ def permute(digit: Array, node: Array, depth: Array, base: Base, seeds: Array) -
 
 
 @frozen_pytree
-class OwenExact(Scrambled):
-    """A sequence with a nested uniform permutation of each coordinate."""
-
-    seeds: Array
-    """uint32 (dims, 2)."""
-
-    called = "owen_exact"
-
-    def mapped(self, fraction: Fraction, dims: int | tuple[int, ...]) -> Fraction:
-        return fraction.mapped(bit_reversed=lambda bits: _scramble(bits, of_dims(self.seeds, dims, bits)))
-
-
-def _scramble(reversed_bits: Array, seeds: Array) -> Array:
-    """Flip digit k by bit k of a random word for the k digits before it.
+class OwenTree:
+    """A nested uniform permutation of each coordinate: digit k is flipped by bit k of a random word.
 
     In the traversal of the tree [1]_, a new path takes a new random word for all nodes down to its end, which
     have digits 0 after the branch. So the word of a node is a function of its digits as a number, without
     trailing zeros, and its random bit is the bit at its depth: no two nodes share a bit.
     """
 
-    # Not unrolled: the compiler would recompute the hashes for more than two coordinates.
-    def flip(k: Array, scrambled: Array) -> Array:
-        unit = jnp.uint32(1) << k
-        return scrambled ^ (random_word(reversed_bits & (unit - np.uint32(1)), seeds) & unit)
+    seeds: Array
+    """uint32 (dims, 2)."""
 
-    start, _ = alike((reversed_bits, seeds))
-    return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, start)
+    called = "owen_exact"
+
+    def bit_reversed(self, bits: Array, dims: Dims) -> Array:
+        seeds = of_dims(self.seeds, dims, bits)
+
+        # Not unrolled: the compiler would recompute the hashes for more than two coordinates.
+        def flip(k: Array, scrambled: Array) -> Array:
+            unit = jnp.uint32(1) << k
+            return scrambled ^ (random_word(bits & (unit - np.uint32(1)), seeds) & unit)
+
+        start, _ = alike((bits, seeds))
+        return jax.lax.fori_loop(np.uint32(0), np.uint32(32), flip, start)
 
 
 def random_word(value: Array, seeds: Array) -> Array:
@@ -140,7 +136,7 @@ def random_word(value: Array, seeds: Array) -> Array:
     return hash_word(mixed + seeds[..., 1]) ^ mixed
 
 
-def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> OwenExact | OwenExactDigits:
+def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Mapped | OwenExactDigits:
     """Owen-scramble a sequence with a separate permutation of the digits after every prefix.
 
     This is nested uniform scrambling, the reference for :func:`owen`: the permutations of any two nodes of
@@ -156,7 +152,7 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
 
     Returns
     -------
-    OwenExact or OwenExactDigits
+    Mapped or OwenExactDigits
         The first in base 2, with exact ``bits``. In other bases the zeros after the digits of an index are
         scrambled as well, down to the resolution of float64. Values are rounded as by :func:`owen`.
 
@@ -185,4 +181,6 @@ def owen_exact(sequence: BinarySequence | DigitSequence, key: Array | int) -> Ow
     """
     known = sequence if isinstance(sequence, BinarySequence) else with_digits("sequence", sequence)
     seeds = draws.bits(checks.prng_key("key", key), (known.dims, 2), jnp.uint32)
-    return OwenExact(known, seeds) if isinstance(known, BinarySequence) else OwenExactDigits(known, seeds)
+    if isinstance(known, BinarySequence):
+        return Mapped(known, OwenTree(seeds))
+    return OwenExactDigits(known, seeds)

@@ -12,10 +12,10 @@ from jax import Array
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.binary import BinarySequence, WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence
 
 
-def _draw(index: Array, seeds: Array) -> Array:
+def drawn(index: Array, seeds: Array) -> Array:
     """Return one random word per index, by a bijection selected by a pair of seeds."""
     return hash_word(hash_word(index ^ seeds[0]) + seeds[1])
 
@@ -35,11 +35,11 @@ class Uniform(BinarySequence):
 
     def bit_reversed(self, index: Array, dim: int) -> Array:
         """Return one coordinate: reversing a random word leaves it random."""
-        return _draw(index, self.seeds[dim])
+        return drawn(index, self.seeds[dim])
 
 
 @frozen_pytree
-class Jittered(WordFirst):
+class Jittered(BinarySequence):
     """One uniform point in each cell of a regular grid."""
 
     side: int = field(metadata={"static": True})
@@ -59,7 +59,7 @@ class Jittered(WordFirst):
 
     def word(self, index: Array, dim: int) -> Array:
         cell = index // np.uint32(self.side**dim) % np.uint32(self.side)
-        return _divided(cell, _draw(index, self.seeds[dim]), self.side)
+        return _divided(cell, drawn(index, self.seeds[dim]), self.side)
 
     def points_per_cell(self, log_side: int) -> int:
         if self.dims != 2 or self.side % 2**log_side:
@@ -142,13 +142,13 @@ def jittered(side: int, dims: int, key: Array | int) -> Jittered:
     return Jittered(side, _seeds(key, dims))
 
 
-def _rounds(n: int) -> int:
+def rounds(n: int) -> int:
     """Return the number of rotations for statistically uniform permutations."""
     return 16 if n < 1024 else 8
 
 
 @frozen_pytree
-class LatinHypercube(WordFirst):
+class LatinHypercube(BinarySequence):
     """One uniform point in each of n equal intervals, in each coordinate."""
 
     n: int = field(metadata={"static": True})
@@ -167,17 +167,22 @@ class LatinHypercube(WordFirst):
 
     def word(self, index: Array, dim: int) -> Array:
         seeds = self.seeds[dim]
-        jitter = hash_word(hash_word(index ^ seeds[0]) + seeds[1])
+        jitter = drawn(index, seeds)
         stratum = permute(index, self.n, seeds[2:])
-        with jax.enable_x64(True):
-            first = first_fraction(stratum.astype(jnp.uint64), self.n)
-            count = first_fraction(stratum.astype(jnp.uint64) + np.uint64(1), self.n) - first
-            return (first + (count * jitter.astype(jnp.uint64) >> np.uint64(32))).astype(jnp.uint32)
+        return fraction_within(stratum, self.n, jitter)
 
 
 def first_fraction(stratum: Array, n: int) -> Array:
     """Return the smallest 32-bit fraction that is not below stratum / n."""
     return ((stratum << np.uint64(32)) + np.uint64(n - 1)) // np.uint64(n)
+
+
+def fraction_within(stratum: Array, n: int, part: Array) -> Array:
+    """Return the 32-bit fraction at a part, itself a fraction, of one of n strata."""
+    with jax.enable_x64(True):
+        first = first_fraction(stratum.astype(jnp.uint64), n)
+        count = first_fraction(stratum.astype(jnp.uint64) + np.uint64(1), n) - first
+        return (first + (count * part.astype(jnp.uint64) >> np.uint64(32))).astype(jnp.uint32)
 
 
 @partial(jax.jit, static_argnames="n")
@@ -253,5 +258,5 @@ def latin_hypercube(n: int, dims: int, key: Array | int) -> LatinHypercube:
     """
     n = checks.integer("n", n, 1, 2**32)
     dims = checks.integer("dims", dims, 1, 2**16)
-    seeds = draws.bits(checks.prng_key("key", key), (dims, 2 + _rounds(n)), jnp.uint32)
+    seeds = draws.bits(checks.prng_key("key", key), (dims, 2 + rounds(n)), jnp.uint32)
     return LatinHypercube(n, seeds)

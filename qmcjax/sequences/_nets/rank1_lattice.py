@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
+from numpy.typing import ArrayLike
 
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import below_one
 from qmcjax.core.number_theory import best_planar, best_spatial
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.tables import IntegerFile, integer_file, wrong
-from qmcjax.sequences._lattices.lattice_sequence import LatticeSequence, Multiples
+from qmcjax.sequences._nets.lattice_sequence import LatticeSequence, Multiples
 from qmcjax.sequences._protocol.base import Sequence
 
 _PLANAR_LIMIT = 2**22
@@ -83,41 +84,10 @@ def rank1_of(n: int, vector: tuple[int, ...]) -> Rank1Lattice | BinaryRank1Latti
     return BinaryRank1Lattice(n.bit_length() - 1, jnp.asarray(np.array(fractions, np.uint32)))
 
 
-def korobov(n: int, dims: int, a: int) -> Rank1Lattice | BinaryRank1Lattice:
-    """Make the Korobov lattice, the rank-1 lattice of the vector (1, a, a**2, ...).
-
-    Parameters
-    ----------
-    n : int, number of points, in [1, 2**32]
-    dims : int, in [1, 65536]
-    a : int, in [0, n)
-
-    Returns
-    -------
-    Sequence
-        The points ``i (1, a, a**2, ...) / n`` modulo 1, with exact ``bits`` if n is a power of two, else
-        rounded once, but never to 1.
-
-    References
-    ----------
-    .. [1] S. Dammertz, A. Keller, "Image Synthesis by Rank-1 Lattices", Monte Carlo and
-       Quasi-Monte Carlo Methods 2006, Springer, 2007.
-
-    Examples
-    --------
-    >>> print(korobov(5, dims=3, a=2).points(3))
-    [[0.  0.  0. ]
-     [0.2 0.4 0.8]
-     [0.4 0.8 0.6]]
-    """
-    n = checks.integer("n", n, 1, 2**32)
-    dims = checks.integer("dims", dims, 1, 2**16)
-    a = checks.integer("a", a, 0, n - 1)
-    return rank1_of(n, tuple(pow(a, j, n) for j in range(dims)))
-
-
-def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
-    """Make the rank-1 lattice of largest toroidal minimum distance.
+def rank1_lattice(
+    n: int, dims: int | None = None, *, vector: ArrayLike | None = None
+) -> Rank1Lattice | BinaryRank1Lattice:
+    """Make the rank-1 lattice of a given vector, or that of largest toroidal minimum distance.
 
     The search compares all vectors (1, a) or (1, a, b), so no rank-1 lattice with a component coprime to n is
     better. Among equally good vectors, it takes the one with the smallest ``a``.
@@ -126,8 +96,10 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
     ----------
     n : int
         Number of points. In two dimensions in [1, 2**22]; in three in [1, 2**13], or a power of two up to
-        2**16. Without a table, the search takes about a second.
-    dims : int, 2 or 3
+        2**16. Without a table, the search takes about a second. For a given vector in [1, 2**32].
+    dims : int, 2 or 3, by default 2, or the length of the vector
+    vector : array of integers in [0, n), shape (dims,), optional
+        The generating vector, for at most 65536 dimensions, as from ``numpy.load``.
 
     Returns
     -------
@@ -148,8 +120,18 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
      [1 3]
      [2 6]
      [3 9]]
+    >>> print(rank1_lattice(5, vector=[1, 2]).points(3))
+    [[0.  0. ]
+     [0.2 0.4]
+     [0.4 0.8]]
     """
-    dims = checks.integer("dims", dims, 2, 3)
+    if vector is not None:
+        n = checks.integer("n", n, 1, checks.INDEX_LIMIT)
+        given = _given(vector, n)
+        if len(given) != (len(given) if dims is None else dims):
+            raise ValueError(f"dims must be the length {len(given)} of the vector, got {checks.shown(dims)}")
+        return rank1_of(n, given)
+    dims = checks.integer("dims", 2 if dims is None else dims, 2, 3)
     if dims == 2:
         n = checks.integer("n", n, 1, _PLANAR_LIMIT)
     else:
@@ -160,6 +142,18 @@ def rank1_lattice(n: int, dims: int = 2) -> Rank1Lattice | BinaryRank1Lattice:
                 f"in three dimensions, got {n}"
             )
     return rank1_of(n, (1, *_best(n, dims)))
+
+
+def _given(vector: ArrayLike, n: int) -> tuple[int, ...]:
+    try:
+        array = np.asarray(vector)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.ndim != 1 or array.dtype.kind not in "iu" or not 1 <= len(array) <= 2**16:
+        raise TypeError(f"vector must be a row of 1 to 65536 integers, got {checks.shown(vector)}")
+    if not (np.all(array >= 0) and np.all(array < n)):
+        raise ValueError(f"vector must have components in [0, {n}), got {checks.shown(vector)}")
+    return tuple(map(int, array))
 
 
 @lru_cache
@@ -190,6 +184,8 @@ def read_lattice(
           and the vector, one integer per line;
         - without such a comment, only the vector, one integer per line, or pairs of a dimension and an
           integer, as in the Magic Point Shop [3]_ and in Kuo's files [4]_.
+
+        Or a file ``.npy`` of the vector, as NumPy saves it.
     n : int, optional
         In [1, 2**32]: number of points, for files with only a vector.
 
@@ -227,6 +223,12 @@ def read_lattice(
     path = checks.path(path)
     n = None if n is None else checks.integer("n", n, 1, checks.INDEX_LIMIT)
     with tables.named(path):
+        if path.suffix == ".npy":
+            try:
+                vector = _given(np.load(path, allow_pickle=False), n or checks.INDEX_LIMIT)
+            except TypeError as error:
+                raise ValueError(error) from None
+            return _lattice_of(vector, n)
         file = integer_file(path)
         if file.kind == "lattice":
             dims, points = file.header("dimensions, points")
@@ -239,7 +241,12 @@ def read_lattice(
             return rank1_of(size, _vector(file, size))
         if file.kind:
             raise wrong(file.heading.number, "be a heading of a rank-1 lattice", file.heading.comment)
-        vector = _vector(file, n or checks.INDEX_LIMIT)
+        return _lattice_of(_vector(file, n or checks.INDEX_LIMIT), n)
+
+
+def _lattice_of(
+    vector: tuple[int, ...], n: int | None
+) -> Rank1Lattice | BinaryRank1Lattice | LatticeSequence:
     return LatticeSequence(jnp.asarray(np.array(vector, np.uint32))) if n is None else rank1_of(n, vector)
 
 

@@ -13,14 +13,13 @@ from jax import Array
 from qmcjax.core import checks, tables
 from qmcjax.core.bits import high_product, reverse
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.base import Derived
-from qmcjax.sequences._protocol.binary import Fraction, WordFirst
+from qmcjax.sequences._protocol.binary import BinarySequence, Dims, Fraction
 
 LATTICE_DIMS = 250
 """Number of components of the vector of Cools, Kuo and Nuyens."""
 
 
-class Multiples(WordFirst):
+class Multiples(BinarySequence):
     """Multiples of a vector modulo 1, as wrapping products of 32-bit fractions."""
 
     vector: Array
@@ -37,7 +36,9 @@ class Multiples(WordFirst):
     def word(self, index: Array, dim: int) -> Array:
         return self._factor(index) * self.vector[dim]
 
-    def fractions(self, index: Array, dims: tuple[int, ...]) -> Fraction:
+    def fraction(self, index: Array, dims: Dims) -> Fraction:
+        if isinstance(dims, int):
+            return super().fraction(index, dims)
         wanted = self.vector[np.array(dims)].reshape((1,) * index.ndim + (-1,))
         return Fraction(lambda: self._factor(index)[..., None] * wanted)
 
@@ -48,6 +49,8 @@ class LatticeSequence(Multiples):
 
     vector: Array
     """uint32 (dims,): the generating vector z."""
+    high: Array | None = None
+    """Upper words of 64-bit indices."""
 
     called = "lattice"
 
@@ -55,24 +58,22 @@ class LatticeSequence(Multiples):
     def limit_64(self) -> int:
         return checks.INDEX_LIMIT**2
 
-    def with_high_word(self, high: Array) -> "Lattice64":
-        return Lattice64(self, high)
+    def with_high_word(self, high: Array) -> "LatticeSequence":
+        return replace(self, high=high)
 
     def _factor(self, index: Array) -> Array:
         return reverse(index)
 
-
-@frozen_pytree
-class Lattice64(Derived, WordFirst):
-    """Point i is point ``high * 2**32 + i`` of a lattice sequence, rounded down to 32 digits."""
-
-    sequence: LatticeSequence
-    high: Array
-
     def word(self, index: Array, dim: int) -> Array:
+        if self.high is None:
+            return super().word(index, dim)
         # The product of phi_2's 64 digits with z modulo 1: the upper 32 bits.
-        z = jnp.broadcast_to(self.sequence.vector[dim], index.shape)
+        z = jnp.broadcast_to(self.vector[dim], index.shape)
         return reverse(index) * z + high_product(reverse(self.high), z)
+
+    def fraction(self, index: Array, dims: Dims) -> Fraction:
+        few = self.high is None
+        return super().fraction(index, dims) if few else BinarySequence.fraction(self, index, dims)
 
 
 def lattice(dims: int) -> LatticeSequence:
@@ -118,7 +119,7 @@ _DIGITS = 96
 
 
 @frozen_pytree
-class Kronecker(WordFirst):
+class Kronecker(BinarySequence):
     """Point i is i times a vector modulo 1, rounded down to 32 digits."""
 
     steps: Array

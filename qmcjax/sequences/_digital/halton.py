@@ -3,7 +3,7 @@
 For references see :func:`qmcjax.sequences.halton`.
 """
 
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -33,8 +33,8 @@ from qmcjax.core.digits import (
 from qmcjax.core.number_theory import next_prime
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.core.tables import rows
+from qmcjax.sequences._digital import radical_blocks
 from qmcjax.sequences._digital.digital import Digital, sobol
-from qmcjax.sequences._halton import radical_blocks
 from qmcjax.sequences._protocol.base import DigitSequence, Sequence
 
 FAURE_LEMIEUX_DIMS = 360
@@ -136,6 +136,8 @@ class RadicalInverses(DigitSequence):
     bases: tuple[int, ...] = field(metadata={"static": True})
     tables: Array | None = None
     """uint16: the concatenated reflection tables of all bases."""
+    high: Array | None = None
+    """Upper words of 64-bit indices."""
 
     reported = ("dims", "base", "permuted")
 
@@ -159,12 +161,12 @@ class RadicalInverses(DigitSequence):
         return self.limit if self.tables is not None else min(limit_64(base) for base in self.bases)
 
     def with_high_word(self, high: Array) -> Sequence:
-        return (
-            super().with_high_word(high) if self.tables is not None else RadicalInverses64(self.bases, high)
-        )
+        return super().with_high_word(high) if self.tables is not None else replace(self, high=high)
 
     def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
         base = self.bases[dim]
+        if self.high is not None:
+            return radical_inverse_64(self.high, index, base, dtype)
         if self.tables is None:
             return radical_inverse(index, base, dtype)
         return permuted_radical_inverse(index, base, self.tables, dtype, table_starts(self.bases)[dim])
@@ -187,7 +189,7 @@ class RadicalInverses(DigitSequence):
         return None if self.tables is None or count == 0 else _inverse_permutations(self, component, count)
 
     def coordinates(self, index: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        if len(dims) < MANY:
+        if len(dims) < MANY or self.high is not None:
             return super().coordinates(index, dims, dtype)
         parts = []
         for wanted in alike(self.bases, dims):
@@ -219,21 +221,6 @@ class RadicalInverses(DigitSequence):
             return radical_inverse(index[..., None], bases, dtype)
         offsets = table_starts(self.bases)[np.array(dims)].reshape(row)
         return permuted_radical_inverse(index[..., None], bases, self.tables, dtype, offsets)
-
-
-@frozen_pytree
-class RadicalInverses64(Sequence):
-    """Point i is point ``high * 2**32 + i`` of a sequence of radical inverses."""
-
-    bases: tuple[int, ...] = field(metadata={"static": True})
-    high: Array
-
-    @property
-    def dims(self) -> int:
-        return len(self.bases)
-
-    def coordinate(self, index: Array, dim: int, dtype: DTypeLike) -> Array:
-        return radical_inverse_64(self.high, index, self.bases[dim], dtype)
 
 
 @partial(jax.jit, static_argnames=("component", "count"))

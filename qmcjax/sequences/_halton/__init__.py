@@ -1,1 +1,0 @@
-"""Radical inverses."""

@@ -1,1 +1,0 @@
-"""Lattices and Kronecker sequences."""

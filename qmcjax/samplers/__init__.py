@@ -6,6 +6,7 @@ the position inside the pixel (x, y), the rest are the scene's, in the order of 
 
 from qmcjax.samplers._along_curve import contiguous as contiguous
 from qmcjax.samplers._along_curve import segments as segments
+from qmcjax.samplers._base import Fits as Fits
 from qmcjax.samplers._base import Sampler as Sampler
 from qmcjax.samplers._dither import Ranked as Ranked
 from qmcjax.samplers._dither import blue_noise_mask as blue_noise_mask
@@ -28,4 +29,6 @@ from qmcjax.samplers._progressive import progressive as progressive
 from qmcjax.samplers._tiled import Tiled as Tiled
 from qmcjax.samplers._tiled import designed as designed
 from qmcjax.samplers._tiled import tiled as tiled
+from qmcjax.samplers._window_lattice import WindowLattice as WindowLattice
+from qmcjax.samplers._window_lattice import window_lattice as window_lattice
 from qmcjax.samplers._z import z as z

@@ -1,8 +1,9 @@
 """The interface of a sampler: from a pixel and the number of a sample to a point."""
 
 import abc
+import dataclasses
 from dataclasses import field
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +12,41 @@ from jax.core import Tracer
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks
-from qmcjax.core.pytrees import frozen_pytree, listing
+from qmcjax.core.pytrees import frozen_pytree, jit, listing
+
+FEW = 8
+"""Up to so many coordinates are computed one by one; more in arrays or loops, which compile much faster."""
+
+
+class Fits(NamedTuple):
+    """The image and the number of samples that a sampler is for."""
+
+    size: tuple[int, int] | None = None
+    """Width and height of the image; None for any."""
+    spp: int = checks.INDEX_LIMIT
+    """Largest number of samples per pixel."""
+    exact: bool = False
+    """Whether an image must have this number of samples, like one of a net over the whole screen."""
+    why: str = "for this sampler"
+    """The reason for the number of samples, for error messages."""
+
+    @property
+    def limits(self) -> tuple[int, int, int]:
+        """Limits of column, row and number of the sample."""
+        columns, rows = self.size or (checks.INDEX_LIMIT, checks.INDEX_LIMIT)
+        return columns, rows, self.spp
+
+    def check(self, width: int, height: int, spp: int) -> None:
+        """Raise unless this is the image size, or any is, and there are so many samples."""
+        checks.image_size(width, height)
+        spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT)
+        if self.size not in (None, (width, height)):
+            wanted = "{} x {}".format(*self.size)
+            raise ValueError(f"width, height must be the sampler's {wanted}, got {width} x {height}")
+        if self.exact and spp != self.spp:
+            raise ValueError(f"spp must be {self.spp}, {self.why}, got {spp}")
+        if spp > self.spp:
+            raise ValueError(f"spp must be at most {self.spp} {self.why}, got {spp}")
 
 
 class Sampler(abc.ABC):
@@ -19,16 +54,16 @@ class Sampler(abc.ABC):
 
     Coordinates 0 and 1 of the point are the position inside the pixel, the others are the scene's. Subclasses
     are frozen dataclass pytrees that implement ``dims`` and :meth:`points`. They override :meth:`prepare` if
-    the samples of a pixel share work, ``limits`` if the number of samples is limited, and :meth:`check` if
-    they are made for one image size.
+    the samples of a pixel share work, and ``fits`` if they are for one image size or a limited number of
+    samples.
     """
 
-    _limited = "for this sampler"
-    """Reason for the limit on the number of samples, for error messages."""
+    loops = False
+    """Whether groups of more than `FEW` coordinates are computed in a loop."""
 
     __dir__ = listing(
-        *("adaptive", "at_frame", "check", "dims", "extended", "height", "limits", "of_pass", "points"),
-        *("prepare", "split", "spp", "width"),
+        *("adaptive", "at_frame", "check", "dims", "extended", "fits", "of_pass", "points", "prepare"),
+        "split",
     )
 
     @property
@@ -37,9 +72,9 @@ class Sampler(abc.ABC):
         """Number of dimensions."""
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        """Largest numbers of columns, rows, and samples per pixel: 2**32 each by default."""
-        return checks.INDEX_LIMIT, checks.INDEX_LIMIT, checks.INDEX_LIMIT
+    def fits(self) -> Fits:
+        """The image and the number of samples that the sampler is for: by default any, and 2**32."""
+        return Fits()
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the state shared by all samples of the given pixels, for :meth:`points`.
@@ -199,22 +234,45 @@ class Sampler(abc.ABC):
         count = checks.integer("count", count, 1, checks.INDEX_LIMIT - 1)
         return Split(self, self.finer(count), checks.dimensions(dims, self.dims), count)
 
+    def at_frame(self, frame: Array | int) -> Self:
+        """Return the sampler of another frame of an animation, without recompilation.
+
+        Parameters
+        ----------
+        frame : int, or integer Array of shape (), in [0, 2**32)
+            For an order of pixels and frames, below its padded number of frames.
+
+        Raises
+        ------
+        TypeError
+            If the sampler was not made with frames: by ``frames=``, with a sequence of
+            :func:`qmcjax.sequences.in_time`, or along an order of pixels and frames.
+        """
+        own: Any = self._in_time()
+        parts = {each.name: getattr(own, each.name) for each in dataclasses.fields(own)}
+        moved = {name: part.at_frame(frame) for name, part in parts.items() if hasattr(part, "at_frame")}
+        if parts.get("frame") is not None:
+            moved["frame"] = checks.frame(frame)
+        if not moved:
+            raise TypeError(
+                "sampler must be made with frames (frames=..., a sequence by sequences.in_time, or an order "
+                f"of pixels and frames), got {checks.shown(self)}"
+            )
+        return dataclasses.replace(own, **moved)
+
+    def _in_time(self) -> Self:
+        """Return the sampler with a part that moves: a ``frame``, or an object with ``at_frame``."""
+        return self
+
     def check(self, width: int, height: int, spp: int) -> None:
-        """Raise unless the sampler supports this image size and number of samples.
+        """Raise unless the sampler supports this image size and number of samples, as ``fits`` says.
 
         Parameters
         ----------
         width, height : int, in [1, 65536]
         spp : int, samples of each pixel, at least 1
         """
-        checks.image_size(width, height)
-        self._check_count(checks.integer("spp", spp, 1, checks.INDEX_LIMIT))
-
-    def _check_count(self, spp: int, limit: int | None = None) -> None:
-        """Raise if ``spp`` exceeds the number of samples, by default that of ``limits``."""
-        limit = self.limits[2] if limit is None else limit
-        if spp > limit:
-            raise ValueError(f"spp must be at most {limit} {self._limited}, got {spp}")
+        self.fits.check(width, height, spp)
 
     def __call__(
         self,
@@ -239,17 +297,26 @@ class Sampler(abc.ABC):
         Array of ``dtype``, the broadcast shape + (len(dims),), in [0, 1)
         """
         wanted, dtype = checks.dimensions(dims, self.dims), checks.floating(dtype)
-        x, y, sample = self._checked(x, y, sample)
+        named = zip(("x", "y", "sample"), (x, y, sample), self.fits.limits, strict=True)
+        x, y, sample = jnp.broadcast_arrays(*(checks.unsigned(*argument) for argument in named))
         sampler = self
         if not isinstance(sample, Tracer):
             sampler = self.up_to(int(np.max(np.asarray(sample), initial=0)) + 1)
-        points = sampler.points(sampler.prepare(x, y, wanted), sample, wanted, dtype)
+        if self.loops and len(wanted) > FEW:  # Step by step, each loop would be compiled in each call.
+            with checks.precision(dtype):
+                points = _compiled(sampler, x, y, sample, wanted, dtype)
+        else:
+            points = sampler.points(sampler.prepare(x, y, wanted), sample, wanted, dtype)
         return matching(points, x.shape, wanted, dtype)
 
-    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
-        named = zip(("x", "y", "sample"), (x, y, sample), self.limits, strict=True)
-        x, y, sample = jnp.broadcast_arrays(*(checks.unsigned(*argument) for argument in named))
-        return x, y, sample
+
+def _points(
+    sampler: Sampler, x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike
+) -> Array:
+    return sampler.points(sampler.prepare(x, y, dims), sample, dims, dtype)
+
+
+_compiled = jit("dims", "dtype")(_points)
 
 
 @frozen_pytree
@@ -266,8 +333,12 @@ class Split(Sampler):
         return self.whole.dims
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return self.fine.limits
+    def fits(self) -> Fits:
+        return self.fine.fits
+
+    @property
+    def loops(self) -> bool:  # pyright: ignore[reportIncompatibleVariableOverride]
+        return self.whole.loops or self.fine.loops
 
     def _parts(self, dims: tuple[int, ...]) -> list[tuple[Sampler, tuple[int, ...], int]]:
         """Return samplers, which of the coordinates they have, and for how many samples."""
@@ -294,9 +365,6 @@ class Split(Sampler):
 
     def check(self, width: int, height: int, spp: int) -> None:
         self.fine.check(width, height, spp)
-
-    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
-        return self.fine._checked(x, y, sample)
 
 
 def matching(points: Any, shape: tuple[int, ...], dims: tuple[int, ...], dtype: DTypeLike) -> Array:

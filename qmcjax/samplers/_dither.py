@@ -18,7 +18,8 @@ from qmcjax.samplers.masks import mask_ranks
 from qmcjax.sequences import (
     BinarySequence,
     InTime,
-    Owen,
+    Mapped,
+    OwenHash,
     Sequence,
     SequenceLike,
     as_sequence,
@@ -45,21 +46,12 @@ class Dithered(InEveryPixel):
     frame: Array | None = None
     """uint32 scalar."""
 
-    def at_frame(self, frame: Array | int) -> "Dithered":
-        """Return the sampler of a frame of an animation, shifted by multiples of the golden ratio.
-
-        Frame t is shifted by point t of :func:`qmcjax.sequences.roberts` in as many dimensions, at most 64.
-        A new frame does not recompile.
-
-        Parameters
-        ----------
-        frame : int, or integer Array of shape (), in [0, 2**32)
-        """
+    def _in_time(self) -> "Dithered":
         if self.dims > MAX_DIMS_IN_TIME:
             raise ValueError(
                 f"sequence must have at most {MAX_DIMS_IN_TIME} dimensions for frames, got {self.dims}"
             )
-        return replace(self, frame=checks.frame(frame))
+        return replace(self, frame=jnp.uint32(0))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         """Return the offsets of the pixels: further copies of the mask are translated block by block."""
@@ -102,7 +94,8 @@ def dither(mask: ArrayLike, sequence: SequenceLike) -> Dithered:
     Returns
     -------
     Dithered
-        ``sampler.at_frame(t)`` is the sampler of frame t of an animation. Sums are exact in base 2; for other
+        ``sampler.at_frame(t)`` is the sampler of frame t of an animation: shifted by point t of
+        :func:`qmcjax.sequences.roberts`, in at most 64 dimensions. Sums are exact in base 2; for other
         sequences they are rounded once from float64, never to 1. A new mask of the same shape does not
         recompile.
 
@@ -156,8 +149,8 @@ def blue_noise_mask(
 ) -> NDArray[np.float64]:
     """Return a tileable blue noise mask.
 
-    The default masks are stored. All others are made, by SciPy if they are vectors: keep the array, or let
-    ``qmcjax mask`` write it to a file. A mask of one channel and 512 x 512 pixels takes half a minute, one of
+    The default masks are stored. All others are made, by SciPy if they are vectors: keep the array,
+    for example by ``numpy.save``. A mask of one channel and 512 x 512 pixels takes half a minute, one of
     two channels and 64 x 64 pixels seconds, in proportion to the pixels of all frames.
 
     Parameters
@@ -225,18 +218,8 @@ class Ranked(InEveryPixel):
     translation: Array
     """uint32 (2,): offsets of x and y."""
 
-    def at_frame(self, frame: Array | int) -> "Ranked":
-        """Return the sampler of a frame of an animation, by :func:`qmcjax.sequences.in_time`.
-
-        Over aligned blocks of frames and samples, each coordinate of a pixel is stratified. A new frame does
-        not recompile.
-
-        Parameters
-        ----------
-        frame : int, or integer Array of shape (), in [0, 2**32)
-        """
-        moving = self.sequence if isinstance(self.sequence, InTime) else in_time(self.sequence)
-        return replace(self, sequence=moving.at_frame(frame))
+    def _in_time(self) -> "Ranked":
+        return self if isinstance(self.sequence, InTime) else replace(self, sequence=in_time(self.sequence))
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         rows, columns = self.ranks.shape
@@ -271,7 +254,8 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     -------
     Ranked
         Optimised for 1, 2, 4, 8 and 16 samples. Other numbers work, but the errors have more low frequencies.
-        ``sampler.at_frame(t)`` is the sampler of frame t of an animation.
+        ``sampler.at_frame(t)`` is the sampler of frame t of an animation. Over aligned blocks of frames and
+        samples, each coordinate of a pixel is stratified, by :func:`qmcjax.sequences.in_time`.
 
     Notes
     -----
@@ -305,7 +289,7 @@ def ranked(dims: int, key: Array | int) -> Ranked:
     names = "seeds", f"ranks_{dims}", f"keys_{dims}"
     seeds, ranks, scrambles = tables.arrays("samplers", "ranked.npz", *names)
     return Ranked(
-        Owen(sobol(dims), jnp.asarray(seeds[:dims])),
+        Mapped(sobol(dims), OwenHash(jnp.asarray(seeds[:dims]))),
         jnp.asarray(ranks, jnp.uint32),
         jnp.asarray(scrambles, jnp.uint32) << 16,
         draws.bits(checks.prng_key("key", key), (2,), jnp.uint32),

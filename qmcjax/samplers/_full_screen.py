@@ -20,7 +20,7 @@ from qmcjax.core.digits import (
 )
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
-from qmcjax.samplers._base import more_samples
+from qmcjax.samplers._base import Fits, more_samples
 from qmcjax.samplers._kinds import ForImage
 from qmcjax.sequences import Invertible, RadicalInverses, SequenceLike, inverted
 
@@ -41,22 +41,21 @@ class HaltonFullScreen(ForImage):
     tables: Array | None
     """uint16: the reflection tables of the ternary digits from the b-th on."""
 
-    _sized = "sequence"
-
     @property
     def dims(self) -> int:
         return self.sequence.dims
 
     @property
     def raster(self) -> tuple[int, int]:
+        """Columns and rows of the raster."""
         log_columns, log_rows = _exponents(self.width, self.height)
         return 2**log_columns, 3**log_rows
 
     @property
-    def spp(self) -> int:
-        """Largest number of samples for which all indices are below 2**32."""
+    def fits(self) -> Fits:
         columns, rows = self.raster
-        return checks.INDEX_LIMIT // (columns * rows)
+        why = f"for 2**32 indices over a raster of {columns} x {rows}"
+        return Fits((self.width, self.height), checks.INDEX_LIMIT // (columns * rows), why=why)
 
     def index(self, x: Array, y: Array, sample: Array) -> Array:
         """Return the index of the point of a pixel in a block: ``sample * 2**a * 3**b`` or following."""
@@ -99,10 +98,6 @@ class HaltonFullScreen(ForImage):
             return self.sequence.coordinate(index, dim, dtype)
 
         return jnp.stack([coordinate(j) for j in dims], axis=-1)
-
-    @property
-    def _limited(self) -> str:
-        return "for 2**32 indices over a raster of {} x {}".format(*self.raster)
 
 
 def halton_full_screen(sequence: RadicalInverses, width: int, height: int) -> HaltonFullScreen:
@@ -162,17 +157,15 @@ class FullScreen(ForImage):
 
     net: Invertible
 
-    _sized = "net"
-    _limited = "for this sequence and image"
-
     @property
     def dims(self) -> int:
         return self.net.dims
 
     @property
-    def spp(self) -> int:
-        """Number of points of the net in each pixel."""
-        return self.net.points_per_cell(self.log_side)
+    def fits(self) -> Fits:
+        exact = self.net.size is not None
+        why = "the net's points in a pixel of this image" if exact else "for this sequence and image"
+        return Fits((self.width, self.height), self.net.points_per_cell(self.log_side), exact, why)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
@@ -184,14 +177,8 @@ class FullScreen(ForImage):
 
     def finer(self, count: int) -> "FullScreen":
         if self.net.size is not None:
-            more_samples(self.spp, count, self.spp)
+            more_samples(self.fits.spp, count, self.fits.spp)
         return self
-
-    def _check_count(self, spp: int, limit: int | None = None) -> None:
-        if self.net.size is None:
-            super()._check_count(spp, limit)
-        elif spp != self.spp:
-            raise ValueError(f"spp must be {self.spp}, the net's points in a pixel of this image, got {spp}")
 
 
 def full_screen(net: Invertible | SequenceLike, width: int, height: int) -> FullScreen | HaltonFullScreen:
@@ -213,9 +200,9 @@ def full_screen(net: Invertible | SequenceLike, width: int, height: int) -> Full
     Returns
     -------
     FullScreen or HaltonFullScreen
-        ``spp`` is the number of points per pixel. A net must be rendered with exactly this number of samples.
-        For a sequence it is the largest number that 32-bit indices allow: with the Halton sequence 11506 for
-        512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
+        ``fits.spp`` is the number of points per pixel. A net must be rendered with exactly this number of
+        samples. For a sequence it is the largest number that 32-bit indices allow: with the Halton sequence
+        11506 for 512 x 512 pixels, 958 for 1920 x 1080, and 26 for 8192 x 8192.
 
     Notes
     -----
@@ -235,7 +222,7 @@ def full_screen(net: Invertible | SequenceLike, width: int, height: int) -> Full
     --------
     >>> from qmcjax import samplers, sequences
     >>> sampler = samplers.full_screen(sequences.larcher_pillichshammer_net(20), 256, 256)
-    >>> print(sampler.spp, sampler(255, 255, 15))
+    >>> print(sampler.fits.spp, sampler(255, 255, 15))
     16 [0.96875    0.33325195]
     >>> print(samplers.full_screen(sequences.halton(2), 2, 3)(1, 2, 0))  # point 5, (0.625, 0.777...), of 6
     [0.25       0.33333334]

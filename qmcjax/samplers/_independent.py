@@ -12,20 +12,22 @@ from jax.typing import DTypeLike
 from qmcjax.core import checks, draws
 from qmcjax.core.bits import hash_pair, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.samplers._base import Sampler, joined, more_samples
+from qmcjax.samplers._base import FEW, Fits, Sampler, joined, more_samples
 from qmcjax.samplers._kinds import InEveryPixel
 from qmcjax.samplers._of_functions import as_sampler
 from qmcjax.sequences import BinarySequence, Sequence, SequenceLike, as_sequence
 
 Randomizer = Callable[[Sequence, Array, int, Array, DTypeLike], Array]
+Dims = int | tuple[int, ...]
+"""One coordinate, or several stacked last, each with its seed."""
 
 
-def _owen(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
-    return to_unit(reverse(owen_hash(sequence.bit_reversed(sample, dim), seed)), dtype)
+def _owen(sequence: BinarySequence, sample: Array, dims: Dims, seed: Array, dtype: DTypeLike) -> Array:
+    return to_unit(reverse(owen_hash(sequence.fraction(sample, dims).bit_reversed(), seed)), dtype)
 
 
-def _xor(sequence: BinarySequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
-    return to_unit(reverse(sequence.bit_reversed(sample, dim) ^ seed), dtype)
+def _xor(sequence: BinarySequence, sample: Array, dims: Dims, seed: Array, dtype: DTypeLike) -> Array:
+    return to_unit(reverse(sequence.fraction(sample, dims).bit_reversed() ^ seed), dtype)
 
 
 def _shift(sequence: Sequence, sample: Array, dim: int, seed: Array, dtype: DTypeLike) -> Array:
@@ -50,6 +52,9 @@ class Independent(InEveryPixel):
     def points(
         self, state: tuple[Array, ...], sample: Array, dims: tuple[int, ...], dtype: DTypeLike
     ) -> Array:
+        if len(dims) > FEW and self.randomizer is not _shift:
+            of_all: Callable[..., Array] = self.randomizer
+            return of_all(self.sequence, sample, dims, jnp.stack(state, axis=-1), dtype)
         seeds = zip(dims, state, strict=True)
         values = [self.randomizer(self.sequence, sample, j, seed, dtype) for j, seed in seeds]
         return jnp.stack(values, axis=-1)
@@ -110,8 +115,6 @@ class Interleaved(Sampler):
     positions: Sampler | None
     """The sampler of the position inside the pixel, or None."""
 
-    _limited = "samples in the block of a pixel"
-
     @property
     def dims(self) -> int:
         return self.sequence.dims + self._on_screen
@@ -121,9 +124,10 @@ class Interleaved(Sampler):
         return 0 if self.positions is None else _ON_SCREEN
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        columns, rows, samples = super().limits if self.positions is None else self.positions.limits
-        return columns, rows, min(samples, self.spp)
+    def fits(self) -> Fits:
+        own = Fits(spp=self.spp, why="samples in the block of a pixel")
+        of = own if self.positions is None else self.positions.fits
+        return own._replace(size=of.size) if own.spp <= of.spp else of
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         tile = np.uint32(self.tile)

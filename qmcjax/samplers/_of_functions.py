@@ -237,8 +237,7 @@ def randomized(
         to become constants.
     key : jax.random.key, or int in [0, 2**32); a new key does not recompile
     spp : int, optional
-        Samples per pixel in a pass, by default the ``spp`` of the sampler. For a sequence over the whole
-        screen this is the largest number that its indices allow: pass a smaller one.
+        Samples per pixel in a pass, by default those that the sampler was made for.
 
     Returns
     -------
@@ -270,7 +269,7 @@ def randomized(
     made = sampler_of_key(key)
     sampler = as_sampler("sampler_of_key(key)", made)
     if spp is None:
-        spp = getattr(made, "spp", None)
+        spp = getattr(made, "spp", sampler.fits.spp if sampler.fits.exact else None)
         if spp is None:
             raise ValueError(f"spp must be given, since {type(made).__name__} has none, got None")
     return Randomized(sampler.dims, sampler_of_key, key, checks.integer("spp", spp, 1, 2**32 - 1))

@@ -17,14 +17,15 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.samplers._along_curve import Contiguous, needed
-from qmcjax.samplers._base import more_samples
+from qmcjax.samplers._base import Fits, more_samples
 from qmcjax.samplers._kinds import ForImage, OfDims
 from qmcjax.samplers._z_index import append, shuffled
 from qmcjax.sequences import (
     BinarySequence,
     Digital,
     InTime,
-    Owen,
+    Mapped,
+    OwenHash,
     digital,
     in_time,
     niederreiter_xing,
@@ -195,7 +196,9 @@ class Optimized(ForImage, OfDims):
     frame: Array | None = None
     """uint32 scalar."""
 
-    _limited = "samples of a pixel"
+    @property
+    def fits(self) -> Fits:
+        return Fits((self.width, self.height), self.spp, why="samples of a pixel")
 
     @property
     def _digits(self) -> int:
@@ -209,21 +212,8 @@ class Optimized(ForImage, OfDims):
 
     @property
     def _sequence(self) -> BinarySequence:
-        sequence = Owen(sobol(2), self.seeds[:2])
+        sequence = Mapped(sobol(2), OwenHash(self.seeds[:2]))
         return sequence if self.frame is None else in_time(sequence).at_frame(self.frame)
-
-    def at_frame(self, frame: Array | int) -> "Optimized":
-        """Return the sampler of another frame of an animation, without recompilation.
-
-        Parameters
-        ----------
-        frame : int, or integer Array of shape (), in [0, 2**32)
-        """
-        if self.frame is None:
-            raise TypeError(
-                "sampler must be made with frames=... for at_frame, got one made with frames=None"
-            )
-        return replace(self, frame=checks.frame(frame))
 
     def finer(self, count: int) -> "Optimized":
         spp = more_samples(self.spp, count, MAX_SPP, powers=True)

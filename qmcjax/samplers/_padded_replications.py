@@ -12,6 +12,7 @@ from qmcjax.core import checks
 from qmcjax.core.bits import to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import log_side
+from qmcjax.samplers._base import Fits
 from qmcjax.samplers._kinds import ForImage
 from qmcjax.sequences import Invertible, Sequence, SequenceLike, as_sequence, inverted, uniform
 
@@ -24,17 +25,13 @@ class PaddedReplications(ForImage):
     offsets: Sequence
     jitter: bool = field(metadata={"static": True})
 
-    _sized = "net"
-    _limited = "for the sequence of offsets"
-
     @property
     def dims(self) -> int:
         return self.net.dims
 
     @property
-    def spp(self) -> int:
-        """Largest number of samples: one for each vector of offsets."""
-        return self.offsets.limit
+    def fits(self) -> Fits:
+        return Fits((self.width, self.height), self.offsets.limit, why="for the sequence of offsets")
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
         x, y = state
@@ -91,7 +88,7 @@ def padded_replications(
     Returns
     -------
     PaddedReplications
-        ``spp``, the largest number of samples, is the number of vectors of offsets.
+        ``fits.spp``, the largest number of samples, is the number of vectors of offsets.
 
     Notes
     -----
@@ -103,7 +100,10 @@ def padded_replications(
     points on a finer grid than that of ``4**k`` cells, as after a digital shift, jitter may carry: then it
     wraps around inside the pixel.
 
-    Each sample of a pixel is uniform over keys if ``offsets`` is a key, with jitter.
+    Each sample of a pixel is uniform over keys if ``offsets`` is a key, with jitter. All samples have the
+    points of one net: coordinates of one sample and those of another, as after ``split``, depend on each
+    other in an image, not over keys. Chi-squared of their joint counts is up to 3 times that of random points
+    in the mean over keys, and 23 times for single ones (12 coordinates, 64 x 64 pixels, 100 keys).
 
     References
     ----------
@@ -130,16 +130,13 @@ def padded_replications(
             f"got {net.points_per_cell(cells)}"
         )
     needed = net.dims + 2 * jitter
-    offsets = _sequence_of(offsets, needed)
+    if callable(offsets):
+        offsets = as_sequence("offsets", offsets)
+    else:
+        offsets = uniform(needed, checks.prng_key("offsets", offsets))
     if offsets.dims < needed:
         raise ValueError(
             f"offsets must have {needed} dimensions, for {net.dims} shifts"
             f"{' and 2 of jitter' if jitter else ''}, got {offsets.dims}"
         )
     return PaddedReplications(width, height, net, offsets, jitter)
-
-
-def _sequence_of(offsets: Any, dims: int) -> Sequence:
-    if callable(offsets):
-        return as_sequence("offsets", offsets)
-    return uniform(dims, checks.prng_key("offsets", offsets))

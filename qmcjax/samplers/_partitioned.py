@@ -14,6 +14,7 @@ from qmcjax.core.digits import permuted_digit, word
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import OrderLike, as_order
 from qmcjax.samplers._along_curve import Strided, plus, points_64, times
+from qmcjax.samplers._base import Fits
 from qmcjax.samplers._kinds import AlongCurve
 from qmcjax.sequences import Sequence, SequenceLike, as_sequence
 
@@ -29,10 +30,6 @@ class Partitioned(Strided):
     @property
     def dims(self) -> int:
         return self.sequence.dims - 1
-
-    @property
-    def most(self) -> int:
-        return self._limit // self.order.length
 
     def _first(self, position: Array) -> Array:
         return position
@@ -104,9 +101,9 @@ def partitioned(
     Returns
     -------
     Partitioned or ExactlyPartitioned
-        Has one dimension less. ``most`` is the largest number of samples that the indices allow: 2**32 / N
-        for sequences without 64-bit indices, see :func:`contiguous`. The points do not depend on the index
-        width.
+        Has one dimension less. ``fits.spp`` is the largest number of samples that the indices allow:
+        2**32 / N for sequences without 64-bit indices, see :func:`contiguous`. The points do not depend on
+        the index width.
 
     Notes
     -----
@@ -156,7 +153,7 @@ def partitioned(
     base, count = bases[component], counts[component]
     if base is None:
         raise ValueError(
-            f"component must be a radical inverse, got component={component} of {type(sequence).__name__} "
+            f"component must be a radical inverse, got component={component} of {checks.shown(sequence)} "
             f"with the bases {bases}"
         )
     if count is None:
@@ -170,7 +167,7 @@ def partitioned(
     except ValueError:
         raise ValueError(
             "exact must be False unless the partitioning component is a radical inverse, with digits "
-            f"permuted one by one or not, got exact=True, component={component} of {type(sequence).__name__}"
+            f"permuted one by one or not, got exact=True, component={component} of {checks.shown(sequence)}"
         ) from None
     return ExactlyPartitioned(order, sequence, component, base, count, inverses)
 
@@ -191,11 +188,9 @@ class ShiftedAlong(AlongCurve):
 
     shifts: Sequence
 
-    _limited = "for this sequence"
-
     @property
-    def most(self) -> int:
-        return self.sequence.limit
+    def fits(self) -> Fits:
+        return self._fits(self.sequence.limit, "for this sequence")
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> tuple[Array, ...]:
         position = self.order.unchecked_position(x, y)

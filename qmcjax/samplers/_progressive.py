@@ -2,14 +2,18 @@
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
+from numpy.typing import NDArray
 
 from qmcjax import orders
 from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
+from qmcjax.samplers._base import FEW
 from qmcjax.samplers._kinds import ForImage, OfDims
 from qmcjax.sequences import Digital, digital, sobol
 
@@ -19,6 +23,8 @@ MAX_DIMS = 2**16
 @frozen_pytree
 class Progressive(ForImage, OfDims):
     """The digits of a pixel's position and of a sample number select columns of matrices to xor."""
+
+    loops = True
 
     order: orders.OptimizedOrder
     """Of the first group of coordinates."""
@@ -30,37 +36,49 @@ class Progressive(ForImage, OfDims):
     seeds: Array
     """uint32 (groups, dimensions of a group + 1): of the scramblings, and of the orders of the samples."""
 
-    @property
-    def most(self) -> int:
-        return checks.INDEX_LIMIT
-
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
-        size, added, shuffles = self.of_samples.dims, {}, {}
-        for group in sorted({j // size for j in dims}):
-            if group:
-                position = self.order.rearranged_position(self.arrangements[group - 1], x, y)
-            else:
-                position = self.order.unchecked_position(x, y)
-            for j in dims:
-                if j // size == group:
-                    added[j] = self.of_positions.bit_reversed(position, j % size)
-            if group:
-                seed = hash_word(position ^ self.seeds[group, size])
-                shuffles[group] = seed, owen_hash(jnp.zeros_like(seed), seed)
-        return added, shuffles
+        def of_group(group: int | Array) -> tuple[list[Array], tuple[Array, Array]]:
+            position = self.order.rearranged_position(self.arrangements[group - 1], x, y)
+            seed = hash_word(position ^ self.seeds[group, self.of_samples.dims])
+            return self._added(position), (seed, owen_hash(jnp.zeros_like(seed), seed))
+
+        first, single, others = self._groups(dims)
+        made: dict[int, Any] = {group: of_group(group) for group in single}
+        if first:
+            made[0] = self._added(self.order.unchecked_position(x, y)), None
+        return made, jax.lax.map(of_group, others) if others.size else ()
+
+    def _added(self, position: Array) -> list[Array]:
+        return [self.of_positions.bit_reversed(position, j) for j in range(self.of_samples.dims)]
+
+    def _groups(self, dims: tuple[int, ...]) -> tuple[bool, list[int], NDArray[np.uint32]]:
+        """Return whether there is group 0, other groups computed one by one, and those in a loop."""
+        groups = sorted({j // self.of_samples.dims for j in dims})
+        first, groups = 0 in groups, [group for group in groups if group]
+        if len(dims) <= FEW:
+            return first, groups, np.zeros(0, np.uint32)
+        return first, [], np.array(groups, np.uint32)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        size, (added, shuffles) = self.of_samples.dims, state
-        numbers = {0: sample}
-        for group, (seed, first) in shuffles.items():
-            # A nested permutation that keeps 0 keeps every set of the first 2**k samples.
-            numbers[group] = reverse(owen_hash(reverse(sample), seed) ^ first)
-        words = []
-        for j in dims:
-            group, inside = divmod(j, size)
-            word = self.of_samples.bit_reversed(numbers[group], inside) ^ added[j]
-            words.append(reverse(owen_hash(word, self.seeds[group, inside])))
-        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+        size, (single, of_others), (*_, others) = self.of_samples.dims, state, self._groups(dims)
+
+        def of_group(group: int | Array, own: Any) -> list[Array]:
+            added, shuffle = own
+            number = sample
+            if shuffle is not None:
+                # A nested permutation that keeps 0 keeps every set of the first 2**k samples.
+                seed, first = shuffle
+                number = reverse(owen_hash(reverse(sample), seed) ^ first)
+            words = [self.of_samples.bit_reversed(number, j) ^ added[j] for j in range(size)]
+            return [
+                to_unit(reverse(owen_hash(word, self.seeds[group, j])), dtype) for j, word in enumerate(words)
+            ]
+
+        made = {group: of_group(group, own) for group, own in single.items()}
+        if others.size:
+            rows = jax.lax.map(lambda one: of_group(*one), (others, of_others))
+            made |= dict(zip(others.tolist(), zip(*rows, strict=True), strict=True))
+        return jnp.stack([made[j // size][j % size] for j in dims], axis=-1)
 
 
 def progressive(width: int, height: int, key: Array | int, dims: int = 2) -> Progressive:

@@ -14,7 +14,7 @@ from qmcjax.core import checks, draws, tables
 from qmcjax.core.bits import hash_pair, hash_word, owen_hash, reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import morton
-from qmcjax.samplers._base import more_samples
+from qmcjax.samplers._base import FEW, Fits, more_samples
 from qmcjax.samplers._kinds import OfDims
 from qmcjax.samplers._z_index import shuffled
 from qmcjax.samplers.turned_tiles import coordinate, stratum_digits, tile_words
@@ -43,6 +43,8 @@ _PASCAL = ((2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 class Tiled(OfDims):
     """Sample s of a pixel is its point of the tile, translated and turned, in one of several equal boxes."""
 
+    loops = True
+
     tile: Array
     """uint16 (rows, columns, frames, spp, dims): area and place of each pair of coordinates."""
     seeds: Array
@@ -57,17 +59,8 @@ class Tiled(OfDims):
     """The number of the first coordinate among those with seeds: sub-samples have none of copy 0."""
 
     @property
-    def limits(self) -> tuple[int, int, int]:
-        return (*super().limits[:2], self.spp)
-
-    def at_frame(self, frame: Array | int) -> "Tiled":
-        """Return the sampler of another frame of an animation, without recompilation.
-
-        Parameters
-        ----------
-        frame : int, or integer Array of shape (), in [0, 2**32)
-        """
-        return replace(self, frame=checks.frame(frame))
+    def fits(self) -> Fits:
+        return Fits(spp=self.spp)
 
     def finer(self, count: int) -> "Tiled":
         spp = more_samples(self.spp, count, MAX_SPP, powers=True)
@@ -82,13 +75,14 @@ class Tiled(OfDims):
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         hashed = hash_pair(x ^ self.seeds[0, _JITTER, 0], y ^ self.seeds[0, _JITTER, 1])
         down, right = (max(min(_LOG_BLOCK, n.bit_length() - 2), 0) for n in self.tile.shape[:2])
-        block, copies = hash_pair(x >> right, y >> down), {}
-        for copy in sorted({(self.first + j) // self.tile.shape[-1] for j in dims}):
+        block = hash_pair(x >> right, y >> down)
+
+        def of_copy(copy: int | Array) -> tuple[Any, Array]:
             moves = self._moves(copy, jnp.uint32(0), block) if self._boxes == 1 else ()
-            copies[copy] = (
-                moves,
-                hash_pair(hashed ^ self.seeds[copy, _JITTER, 0], self.seeds[copy, _JITTER, 1]),
-            )
+            return moves, hash_pair(hashed ^ self.seeds[copy, _JITTER, 0], self.seeds[copy, _JITTER, 1])
+
+        single, others = self._copies(dims)
+        copies = {copy: of_copy(copy) for copy in single}, jax.lax.map(of_copy, others) if others.size else ()
         return x, y, hashed, self._first_box(x, y) if self._boxes > 1 else None, block, copies
 
     @property
@@ -107,21 +101,40 @@ class Tiled(OfDims):
         return (number ^ self.seeds[0, _SHUFFLE, 0]) & np.uint32(self._boxes - 1)
 
     def points(self, state: Any, sample: Array, dims: tuple[int, ...], dtype: DTypeLike) -> Array:
-        size, first, dims = self.tile.shape[-1], state[3], tuple(self.first + j for j in dims)
+        size, first = self.tile.shape[-1], state[3]
         sample = sample if first is None else sample ^ first
-        copies = {copy: self._moved(state, sample, copy) for copy in {j // size for j in dims}}
-        words = [self._word(state, sample, j, *copies[j // size]) for j in dims]
-        return jnp.stack([to_unit(word, dtype) for word in words], axis=-1)
+        single, others = self._copies(dims)
+        of_single, of_others = state[-1]
 
-    def _moved(self, state: Any, sample: Array, copy: int) -> tuple[Array, tuple[Array, ...]]:
+        def of_copy(copy: int | Array, own: Any) -> list[Array]:
+            moved = self._moved(state, sample, copy, *own)
+            return [to_unit(self._word(state, sample, copy, j, *moved), dtype) for j in range(size)]
+
+        made = {copy: of_copy(copy, of_single[copy]) for copy in single}
+        if others.size:
+            rows = jax.lax.map(lambda one: of_copy(*one), (others, of_others))
+            made |= dict(zip(others.tolist(), zip(*rows, strict=True), strict=True))
+        places = (divmod(self.first + j, size) for j in dims)
+        return jnp.stack([made[copy][inside] for copy, inside in places], axis=-1)
+
+    def _copies(self, dims: tuple[int, ...]) -> tuple[list[int], NDArray[np.uint32]]:
+        """Return the copies of coordinates: those that are computed one by one, and those in a loop."""
+        copies = sorted({(self.first + j) // self.tile.shape[-1] for j in dims})
+        single = len(copies) if len(dims) <= FEW else copies.count(0)
+        return copies[:single], np.array(copies[single:], np.uint32)
+
+    def _moved(
+        self, state: Any, sample: Array, copy: int | Array, moves: Any, shuffle: Array
+    ) -> tuple[Array, tuple[Array, ...]]:
         """Return the number of the box, and the place in the tile, of one copy of its dimensions."""
-        x, y, hashed, _, block, copies = state
-        boxes, (moves, shuffle) = self._boxes, copies[copy]
+        x, y, hashed, _, block, _ = state
+        boxes = self._boxes
         box, number = sample & np.uint32(boxes - 1), sample >> np.uint32(boxes.bit_length() - 1)
-        if copy:
+        further = not isinstance(copy, int) or copy > 0
+        if further:
             # The first 2**k samples of a pixel remain so, but meet those of other copies in another order.
             number = shuffled(number, shuffle, self.tile.shape[3].bit_length() - 1)
-        if copy and boxes > 1:
+        if further and boxes > 1:
             # New in each frame and for each point of the tile, so boxes of two copies combine in all ways.
             seed = hash_pair(hashed ^ self.seeds[copy, _SHUFFLE, 1], self.frame ^ (number << 16))
             digits = boxes.bit_length() - 1
@@ -130,36 +143,43 @@ class Tiled(OfDims):
         along = []
         for axis, move in enumerate(moves or self._moves(copy, box, block)):
             place = (y, x, self.frame)[axis]
-            if copy and axis < 2:
+            if further and axis < 2:
                 place = place ^ (np.uint32(0) - (move >> 31))
             along.append((place + move) & np.uint32(self.tile.shape[axis] - 1))
         return box, (*jnp.broadcast_arrays(*along, number),)
 
-    def _moves(self, copy: int, box: Array, block: Array) -> list[Array]:
+    def _moves(self, copy: int | Array, box: Array, block: Array) -> list[Array]:
         """Return the translations of a copy: for further ones of each block, new after the tile's frames.
 
         The first bit of a word, which no translation needs, reflects the block.
         """
-        if copy == 0:
+        if isinstance(copy, int) and copy == 0:
             return [self._random(_MOVES + axis, 0, box) for axis in range(3)]
         period = self.frame >> np.uint32(self.tile.shape[2].bit_length() - 1)
         return [self._random(_MOVES + axis, copy, box ^ (period << 16), block) for axis in range(3)]
 
-    def _random(self, which: int, copy: int, box: Array, block: Array | None = None) -> Array:
+    def _random(self, which: int, copy: int | Array, box: Array, block: Array | None = None) -> Array:
         """Return a word, uniform over the seeds of a copy, for one turn or translation."""
         one = self.seeds[copy, which, 0]
         return hash_pair(one if block is None else one ^ block, self.seeds[copy, which, 1] ^ box)
 
-    def _word(self, state: Any, sample: Array, dim: int, box: Array, place: tuple[Array, ...]) -> Array:
+    def _word(
+        self,
+        state: Any,
+        sample: Array,
+        copy: int | Array,
+        inside: int,
+        box: Array,
+        place: tuple[Array, ...],
+    ) -> Array:
         size = self.tile.shape[-1]
-        copy, inside = divmod(dim, size)
         pair, axis = divmod(inside, 2)
         # Area and place are the halves of one word, for a single lookup.
         halves = self.tile.reshape(*self.tile.shape[:-1], -1, 2)
         both = lax.bitcast_convert_type(halves, jnp.uint32).at[(*place, pair)].get(mode="promise_in_bounds")
         area, turn = both << 16, both & np.uint32(0xFFFF0000)
         # Jitter of each sample, frame and pair of coordinates fills the digits below the stratum's.
-        number = hash_word(sample ^ (self.frame << 16)) + np.uint32(dim // 2)
+        number = hash_word(sample ^ (self.frame << 16)) + copy * np.uint32(size // 2) + np.uint32(pair)
         seeds = self.seeds[copy, _JITTER + 1]
         jitter = hash_pair(number ^ seeds[0], state[2] ^ seeds[1])
         digits = stratum_digits(self.tile.shape)[pair]
@@ -221,8 +241,10 @@ def tiled(points: ArrayLike, key: Array | int, *, dims: int | None = None, spp: 
     has its own seeds; in one image, as random points with equal strata are. For this, each block of 16 x 16
     pixels, or of half the side of a smaller tile, has its own translation and reflections in each of these
     groups, new after the tile's frames; each pixel has its own order of their samples, which keeps the first
-    ``2**k``. At the edges of blocks errors cancel less: filtered errors of these groups are 1.1 to 1.3 times
-    those of the first one in two dimensions, and 1.04 to 1.1 times in four.
+    ``2**k``. Two groups have a block in the same place with probability 1 / (4 width height) of the tile:
+    areas inside their outlines are then equal in its pixels. At the edges of blocks errors cancel less:
+    filtered errors of these groups are 1.1 to 1.3 times those of the first one in two dimensions, and 1.04
+    to 1.1 times in four.
 
     The choice of boxes also keeps the filtered errors of fewer samples small: in any aligned square of as
     many pixels as there are boxes, or in as many frames of a pixel, each box contains one first sample.

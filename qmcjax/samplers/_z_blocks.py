@@ -14,13 +14,12 @@ from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.orders import STEP, ScrambledMorton, morton
 from qmcjax.samplers._along_curve import Index, needed
-from qmcjax.samplers._base import more_samples
-from qmcjax.samplers._kinds import ForImage, OnRaster
+from qmcjax.samplers._base import FEW, Fits, Sampler, more_samples
+from qmcjax.samplers._kinds import ForImage
 from qmcjax.samplers._z_index import (
     Frames,
     Number,
     append,
-    at_frame,
     scrambled_group,
     scrambled_number,
     scrambled_numbers,
@@ -35,6 +34,8 @@ MAX_SPP = 2**31
 class Z(ForImage):
     """Pixel p in the order of a constituent takes points spp * p, ..., in its own order."""
 
+    loops = True
+
     orders: ScrambledMorton | None
     """A family with one order per constituent; None for Z0, which uses Morton order for all."""
     sequence: BinarySequence
@@ -44,10 +45,8 @@ class Z(ForImage):
     rounds: int = field(default=1, metadata={"static": True})
     frames: Frames | None = None
     """Numbers of one frame, for each constituent."""
-    squares: tuple[tuple[Array, Array], ...] | None = None
+    squares: tuple[Array, Array] | None = None
     """For the first constituents, what the pixels of a square share: see :meth:`with_tables`."""
-
-    _limited = "samples of a pixel"
 
     @property
     def dims(self) -> int:
@@ -121,15 +120,6 @@ class Z(ForImage):
                 )
         return AdaptiveZ(self, jnp.uint32(31) - jax.lax.clz(words))
 
-    def at_frame(self, frame: Array | int) -> "Z":
-        """Return the sampler of another frame of an animation, without recompilation.
-
-        Parameters
-        ----------
-        frame : int, or integer Array of shape (), in [0, 2**32)
-        """
-        return replace(self, frames=at_frame(self.frames, frame))
-
     def finer(self, count: int) -> "Z":
         most = min(MAX_SPP // self.rounds, self.sequence.limit_64 // 4**self.log_side)
         return replace(self, spp=more_samples(self.spp, count, most, powers=True))
@@ -140,23 +130,31 @@ class Z(ForImage):
         return [(c, j) for c, count in enumerate(self.constituents) for j in range(count)]
 
     @property
-    def most(self) -> int:
-        return self.rounds * self.spp
+    def fits(self) -> Fits:
+        return Fits((self.width, self.height), self.rounds * self.spp, why="samples of a pixel")
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         code = morton(self.width, self.height).unchecked_position(x, y)
-        if self.orders is None:
+        orders, squares = self.orders, self.squares
+        if orders is None:
             return code
-        members = {c: self.orders.member(c) for c in self._wanted(dims)}
-        if self.squares is None:
-            return {c: order.scrambled(code, self.log_side) for c, order in members.items()}
-        return {c: order.inside(self.squares[c], x, y) for c, order in members.items()}
+
+        def of_member(c: int | Array) -> tuple[Array, Array]:
+            if squares is None:
+                return orders.member(c).scrambled(code, self.log_side)
+            return orders.member(c).inside((squares[0][c], squares[1][c]), x, y)
+
+        wanted = self._wanted(dims)
+        if len(wanted) > FEW // 2:
+            return jax.lax.map(of_member, np.array(wanted, np.uint32))
+        return {c: of_member(c) for c in wanted}
 
     def with_tables(self, dims: tuple[int, ...]) -> "Z":
-        if self.orders is None or self.log_side < STEP:
+        orders = self.orders
+        if orders is None or self.log_side < STEP:
             return self
-        count = max(self._wanted(dims)) + 1
-        return replace(self, squares=tuple(self.orders.member(c).squares(STEP) for c in range(count)))
+        members = np.arange(max(self._wanted(dims)) + 1, dtype=np.uint32)
+        return replace(self, squares=jax.lax.map(lambda c: orders.member(c).squares(STEP), members))
 
     def _wanted(self, dims: tuple[int, ...]) -> list[int]:
         return sorted({self._places[j][0] for j in dims})
@@ -176,7 +174,8 @@ class Z(ForImage):
             return super().consecutive(state, block, count, dims, dtype)
         numbers = [Number(block, low, bits) for low in range(count)]
         # Joint sequences would take longer to compile.
-        if self.orders is None or bits < last or max(self.constituents) > 2 or self._has_64_bits:
+        few = isinstance(state, dict) and max(self.constituents) <= 2
+        if self.orders is None or bits < last or not few or self._has_64_bits:
             return [self.numbered(state, number, dims, dtype, self.log_spp) for number in numbers]
         made = []
         for first in numbers[:: 2**last]:
@@ -196,36 +195,48 @@ class Z(ForImage):
         self, state: Any, number: Number, dims: tuple[int, ...], dtype: DTypeLike, log_count: int | Array
     ) -> Array:
         """Return points of blocks of ``2**log_count``, by numbers with some static bits."""
-        wanted = [self._places[j] for j in dims]
-        indices = {c: self._index(c, state, number, log_count) for c in self._wanted(dims)}
         if len(self.constituents) == 1 and not self._has_64_bits:
-            return self._sequence(0).coordinates(indices[0][1], dims, dtype)
-        return jnp.stack([self._coordinate(c, indices[c], j, dtype) for c, j in wanted], axis=-1)
+            own = state if self.orders is None else state[0]
+            return self._sequence(0).coordinates(self._index(0, own, number, log_count)[1], dims, dtype)
+        places = [self._places[j] for j in dims]
+        size = max(j for _, j in places) + 1
 
-    def _sequence(self, constituent: int) -> BinarySequence:
+        def of_one(c: int | Array, own: Any) -> list[Array]:
+            index = self._index(c, own, number, log_count)
+            return [self._coordinate(c, index, j, dtype) for j in range(size)]
+
+        wanted = self._wanted(dims)
+        if self.orders is None or isinstance(state, dict):
+            made = {c: of_one(c, state if self.orders is None else state[c]) for c in wanted}
+        else:
+            rows = jax.lax.map(lambda one: of_one(*one), (np.array(wanted, np.uint32), state))
+            made = dict(zip(wanted, zip(*rows, strict=True), strict=True))
+        return jnp.stack([made[c][j] for c, j in places], axis=-1)
+
+    def _sequence(self, constituent: int | Array) -> BinarySequence:
         return self.sequence if self.frames is None else self.frames.moved(self.sequence, constituent)
 
-    def _index(self, constituent: int, state: Any, number: Number, log_count: int | Array) -> Index:
+    def _index(self, constituent: int | Array, own: Any, number: Number, log_count: int | Array) -> Index:
         passed = np.uint32(0)
         if self.rounds > 1:
             passed = number.word >> log_count
             number = Number(number.word ^ (passed << log_count))
         if self.orders is not None:
             order = self.orders.member(constituent)
-            position, node = state[constituent]
+            position, node = own
             if isinstance(log_count, int):
                 place = scrambled_number(order, number, log_count, node)
             else:
                 place = scrambled_numbers(order, number, log_count, self.log_spp, node)
         else:
-            position, place = state, number.word
+            position, place = own, number.word
         return append(position ^ passed, place, log_count)
 
     @property
     def _has_64_bits(self) -> bool:
         return needed(4**self.log_side * self.spp, self.sequence)
 
-    def _coordinate(self, constituent: int, index: Index, dim: int, dtype: DTypeLike) -> Array:
+    def _coordinate(self, constituent: int | Array, index: Index, dim: int, dtype: DTypeLike) -> Array:
         high, low = index
         sequence = self._sequence(constituent)
         sequence = sequence.with_high_word(high) if self._has_64_bits else sequence
@@ -233,30 +244,22 @@ class Z(ForImage):
 
 
 @frozen_pytree
-class AdaptiveZ(OnRaster):
+class AdaptiveZ(Sampler):
     """The Z-sampler with a separate number of samples for each pixel."""
+
+    loops = True
 
     sampler: Z
     log_counts: Array
     """uint32 (height, width): binary logarithms of the numbers."""
-
-    _limited = "samples of the pixel that has fewest"
 
     @property
     def dims(self) -> int:
         return self.sampler.dims
 
     @property
-    def _size(self) -> tuple[int, int]:
-        return self.sampler.width, self.sampler.height
-
-    @property
-    def raster(self) -> tuple[int, int]:
-        return self._size
-
-    @property
-    def most(self) -> int:
-        return self.sampler.most
+    def fits(self) -> Fits:
+        return self.sampler.fits
 
     def prepare(self, x: Array, y: Array, dims: tuple[int, ...]) -> Any:
         return self.sampler.prepare(x, y, dims), self.log_counts[y, x]
@@ -275,15 +278,18 @@ class AdaptiveZ(OnRaster):
     def _counts(self) -> Array:
         return np.uint32(self.sampler.rounds) << self.log_counts
 
-    def _checked(self, x: Array | int, y: Array | int, sample: Array | int) -> tuple[Array, Array, Array]:
-        x, y, sample = super()._checked(x, y, sample)
+    def __call__(self, x: Any, y: Any, sample: Any, *args: Any, **kwargs: Any) -> Array:
+        """Return the points of the given pixels and samples, as all samplers, below the pixels' numbers."""
+        points = super().__call__(x, y, sample, *args, **kwargs)
+        x, y, sample = jnp.broadcast_arrays(x, y, sample)
         beyond = sample >= self._counts[y, x]
         if not isinstance(beyond, Tracer) and beyond.any():
             raise ValueError(
                 f"sample must be below the {int(self._counts[y, x][beyond][0])} samples of its pixel, "
                 f"got {int(sample[beyond][0])}"
             )
-        return x, y, sample
+        return points
 
-    def _check_count(self, spp: int, limit: int | None = None) -> None:
-        super()._check_count(spp, int(self._counts.min()))
+    def check(self, width: int, height: int, spp: int) -> None:
+        least = int(self._counts.min())
+        self.fits._replace(spp=least, why="samples of the pixel that has fewest").check(width, height, spp)

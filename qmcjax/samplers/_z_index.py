@@ -122,19 +122,16 @@ class Frames:
     numbers: Array
     """uint32 (orders,)."""
 
-    def moved(self, sequence: BinarySequence, number: int) -> InTime:
+    def moved(self, sequence: BinarySequence, number: int | Array) -> InTime:
         """Return a sequence at the place of the frame in one of the orders."""
         return in_time(sequence).at_frame(self.numbers[number])
 
-
-def at_frame(frames: Frames | None, frame: Array | int) -> Frames:
-    """Return another frame, or raise a TypeError if there are none."""
-    if frames is None:
-        raise TypeError("sampler must be made with frames=... for at_frame, got one made with frames=None")
-    number = checks.frame(frame)
-    # A bit is flipped by a hash of the bits above it, which are the first digits of a reversed fraction.
-    others = reverse(owen_hash(reverse(jnp.broadcast_to(number, frames.seeds.shape)), frames.seeds))
-    return Frames(frames.seeds, jnp.concatenate([number[None], others]))
+    def at_frame(self, frame: Array | int) -> "Frames":
+        """Return another frame in the same orders."""
+        number = checks.frame(frame)
+        # A bit is flipped by a hash of the bits above it, which are the first digits of a reversed fraction.
+        others = reverse(owen_hash(reverse(jnp.broadcast_to(number, self.seeds.shape)), self.seeds))
+        return Frames(self.seeds, jnp.concatenate([number[None], others]))
 
 
 def of_key(frames: int, sequence: BinarySequence, key: Array | int | None, count: int) -> Frames:
@@ -148,4 +145,4 @@ def of_key(frames: int, sequence: BinarySequence, key: Array | int | None, count
     if key is not None:
         random = jax.random.fold_in(checks.prng_key("key", key), _STREAM)
         seeds = draws.bits(random, seeds.shape, jnp.uint32)
-    return at_frame(Frames(seeds, jnp.zeros((count,), jnp.uint32)), 0)
+    return Frames(seeds, jnp.zeros((count,), jnp.uint32)).at_frame(0)

@@ -18,9 +18,8 @@ from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, by_name
 from qmcjax.tracing._intervals.visible import find_intervals, split_world
 from qmcjax.tracing._shapes.vectors import Vector, components, each, keep, stacked
-from qmcjax.tracing._world.camera import Sight
 from qmcjax.tracing._world.lights import Environment
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import Sight, World
 from qmcjax.tracing.search.intersection import UNKNOWN, in_dtype
 from qmcjax.tracing.search.program import map_tiles
 
@@ -229,6 +228,8 @@ def analytic_visibility(
         raise TypeError(
             f"scene must be made by qmcjax.tracing.direct_light or path_tracing, got {checks.shown(scene)}"
         )
+    if scene.lines:
+        raise ValueError(f"scene must have no lines but those in time, got lines={scene.lines}")
     if scene.camera.motion is not None:
         raise TypeError("scene must have a camera that does not move, for visibility in time")
     jax.eval_shape(lambda world: split_world(world).moving, in_dtype(scene.world, np.float32))

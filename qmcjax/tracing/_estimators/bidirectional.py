@@ -30,9 +30,8 @@ from qmcjax.tracing._light.light_paths import (
 )
 from qmcjax.tracing._light.scattering import Turn, bounce_needs, evaluate, reflect_lights, scatter
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, keep, minus, plus, times
-from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import Camera, Sight, World
 
 
 class _Path(NamedTuple):

@@ -15,9 +15,8 @@ from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.interaction import Choice, any_of, emission, interact
 from qmcjax.tracing._light.scattering import Turn, bounce_needs, reflect_lights, scatter
 from qmcjax.tracing._shapes.vectors import Vector, each, keep, plus
-from qmcjax.tracing._world.camera import Camera, Sight
 from qmcjax.tracing._world.lights import Sample
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import Camera, Sight, World
 
 
 class Draws(NamedTuple):

@@ -14,13 +14,11 @@ from jax import Array
 
 from qmcjax.core.plug_ins import unwrap
 from qmcjax.tracing._light.interaction import surface_kinds
-from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.object import Object, Shape
 from qmcjax.tracing._shapes.primitives import Plane
-from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.vectors import along, components, plus, scaled, stacked
-from qmcjax.tracing._world.camera import Camera
 from qmcjax.tracing._world.lights import Environment
-from qmcjax.tracing._world.world import World
+from qmcjax.tracing._world.world import Camera, World
 
 _FAR = 1e15
 """Replaces infinity: its square is finite in float32."""
@@ -80,7 +78,7 @@ def find_seen(world: World, camera: Camera, low: Array, high: Array) -> Seen:
         regions.append(of_item)
         flags.append(np.broadcast_to(np.array(flag), (of_item.low.shape[0], 3)))
     blockers = [_regions(item, dtype) for item in moving]
-    lights = [_light_box(light, dtype) for light in world.lights if not isinstance(light, Environment)]
+    lights = [light_box(light, dtype) for light in world.lights if not isinstance(light, Environment)]
     everywhere = len(lights) < len(world.lights)
     beams = _beams(camera, low, high)
 
@@ -171,7 +169,8 @@ def _extent(item: Object, shape: Shape, dtype: Any) -> tuple[Array, Array]:
     return low[None], high[None]
 
 
-def _light_box(light: Any, dtype: Any) -> tuple[Array, Array]:
+def light_box(light: Any, dtype: Any) -> tuple[Array, Array]:
+    """Return the corners of the bounding box of a light with a position."""
     item = light.object()
     if item is None:
         place = jnp.asarray(light.position, dtype)

@@ -5,6 +5,7 @@ farthest slot. This is the early-out culling of the thesis (Sect. 3.2.1), but do
 covers the whole shutter.
 """
 
+from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,8 +13,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._intervals.spans import Balls, Depth, Polygons, ShearedRays, Spans
-from qmcjax.tracing._shapes.shape_batches import meets, rounding
+from qmcjax.tracing._intervals.spans import Depth, Spans
+from qmcjax.tracing._shapes.object import rounding
 from qmcjax.tracing._shapes.triangles import Tree
 from qmcjax.tracing._shapes.vectors import components, each, largest
 
@@ -21,9 +22,10 @@ _SLOTS = 8
 
 
 class Batch(NamedTuple):
-    """Linearly moving primitives of one kind, one linear segment per row."""
+    """Primitives of one kind: linearly moving ones, one linear segment per row, or those seen by a fan."""
 
-    rows: Polygons | Balls
+    rows: Any
+    """`Polygons`, `Balls`, or a shape."""
     numbers: Array
     """int32 (rows,): of the primitives in the world."""
     tree: Tree | None = None
@@ -79,7 +81,7 @@ def background(number: Array, distance: Array, count: int, opened: Array, closed
     return RayState(candidates, one, bound, opened, closed)
 
 
-def collect(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
+def collect(state: RayState, batch: Batch, view: Any) -> RayState:
     """Add the spans of a batch of primitives.
 
     Rows that any ray of the tile may hit are listed first, then their spans are computed.
@@ -88,21 +90,12 @@ def collect(state: RayState, batch: Batch, view: ShearedRays) -> RayState:
     order, listed = _list_rows(state, batch, view)
 
     def turn(place: Any, state: RayState) -> RayState:
-        row = order[place]
-        spans = rows.spans(row, view)
-        some = jnp.any(spans.start < spans.end, axis=1)
-        used = jnp.max(jnp.where(some, jnp.arange(1, len(some) + 1, dtype=jnp.int32), 0))
-        return jax.lax.fori_loop(
-            0,
-            used,
-            lambda one, state: _insert(state, jax.tree.map(partial(_row, one), spans), batch.numbers[row]),
-            state,
-        )
+        return insert_spans(state, rows.spans(order[place], view), batch.numbers[order[place]])
 
     return jax.lax.fori_loop(0, listed, turn, state)
 
 
-def _list_rows(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array, Array]:
+def _list_rows(state: RayState, batch: Batch, view: Any) -> tuple[Array, Array]:
     """Return the rows that any ray of the tile may hit, and their number."""
     rows, limit = batch.rows, state.bound.max(axis=0)
     total = batch.numbers.shape[0]
@@ -122,39 +115,56 @@ def _list_rows(state: RayState, batch: Batch, view: ShearedRays) -> tuple[Array,
         return order.at[listed].set(row), listed + may_be_hit(row).astype(jnp.int32)
 
     none = jnp.zeros(total + 1, jnp.int32), jnp.zeros((), jnp.int32)
+    return over_rows(batch, view, lambda _: limit, tested, none)
+
+
+def over_rows(
+    batch: Batch, view: Any, limit: Callable[[Any], Array], visit: Callable[[Any, Any], Any], state: Any
+) -> Any:
+    """Visit the rows of a batch, those of a tree only where a ray may hit before its limit by the state."""
+    total = batch.numbers.shape[0]
     if batch.tree is None or batch.boxes is None:
-        return jax.lax.fori_loop(0, total, lambda row, found: tested(jnp.int32(row), found), none)
+        return jax.lax.fori_loop(0, total, lambda row, state: visit(jnp.int32(row), state), state)
     tree, boxes = batch.tree, batch.boxes
     count = tree.order.shape[0]
     used, stop = tree.skip[0], tree.start[jnp.minimum(tree.skip, count - 1)]
     wider = rounding(abs(boxes).max() + largest(view.origin))
 
-    def inside(node: Array) -> Array:
+    def inside(node: Array, state: Any) -> Array:
         low, high = components(boxes[node, :3]), components(boxes[node, 3:])
         below = each(lambda a, o: a - o - wider, low, view.origin)
         above = each(lambda a, o: a - o + wider, high, view.origin)
-        return jnp.any(meets(below, above, view.direction, limit))
+        return jnp.any(view.meets(below, above, limit(state)))
 
     def step(walk: tuple[Array, Any]) -> tuple[Array, Any]:
-        node, found = walk
+        node, state = walk
         skip = tree.skip[node]
-        enters = inside(node)
+        enters = inside(node, state)
         leaf = enters & (skip == node + 1)
 
-        def of_leaf(place: Any, found: Any) -> Any:
+        def of_leaf(place: Any, state: Any) -> Any:
             return jax.lax.fori_loop(
                 0,
                 total // count,
-                lambda segment, found: tested(segment * count + tree.order[place], found),
-                found,
+                lambda segment, state: visit(segment * count + tree.order[place], state),
+                state,
             )
 
-        found = jax.lax.fori_loop(
-            tree.start[node], jnp.where(leaf, stop[node], tree.start[node]), of_leaf, found
+        state = jax.lax.fori_loop(
+            tree.start[node], jnp.where(leaf, stop[node], tree.start[node]), of_leaf, state
         )
-        return jnp.where(enters, node + 1, skip), found
+        return jnp.where(enters, node + 1, skip), state
 
-    return jax.lax.while_loop(lambda walk: walk[0] < used, step, (jnp.zeros((), jnp.int32), none))[1]
+    return jax.lax.while_loop(lambda walk: walk[0] < used, step, (jnp.zeros((), jnp.int32), state))[1]
+
+
+def insert_spans(state: RayState, spans: Spans, number: Array) -> RayState:
+    """Insert the spans of one primitive."""
+    some = jnp.any(spans.start < spans.end, axis=1)
+    used = jnp.max(jnp.where(some, jnp.arange(1, len(some) + 1, dtype=jnp.int32), 0))
+    return jax.lax.fori_loop(
+        0, used, lambda one, state: _insert(state, jax.tree.map(partial(_row, one), spans), number), state
+    )
 
 
 def _row(number: Any, a: Array) -> Array:

@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from qmcjax.tracing._shapes.object import meets
 from qmcjax.tracing._shapes.vectors import Vector, components, cross, dot, each, minus
 
 NOWHERE = 2
@@ -98,6 +99,10 @@ class ShearedRays(NamedTuple):
     x: Vector
     y: Vector
     z: Vector
+
+    def meets(self, low: Vector, high: Vector, limit: Array) -> Array:
+        """Return whether rays may hit boxes, given relative to their origins, up to a limit."""
+        return meets(low, high, self.direction, limit)
 
 
 class Depth(NamedTuple):

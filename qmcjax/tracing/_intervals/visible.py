@@ -16,9 +16,8 @@ from qmcjax.core.pytrees import jit
 from qmcjax.tracing._intervals.candidates import Batch, background, collect
 from qmcjax.tracing._intervals.resolution import Intervals, resolve
 from qmcjax.tracing._intervals.spans import Balls, Polygons, ShearedRays
-from qmcjax.tracing._shapes.object import Frame, Object
+from qmcjax.tracing._shapes.object import Frame, Object, Shape
 from qmcjax.tracing._shapes.primitives import Box, Rectangle, Sphere
-from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.triangles import Tree, Triangles, shear_maps
 from qmcjax.tracing._shapes.vectors import Vector, components, dot, keep, plus, scaled, stacked
 from qmcjax.tracing._world.world import World

@@ -11,8 +11,7 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import unwrap
-from qmcjax.tracing._shapes.object import Object
-from qmcjax.tracing._shapes.shape_batches import rounding
+from qmcjax.tracing._shapes.object import Object, rounding
 from qmcjax.tracing._shapes.vectors import Vector, dot, each, keep, largest, plus, times, where
 from qmcjax.tracing._world.lights import Environment, Light, Sample
 from qmcjax.tracing._world.materials import Surface
@@ -54,24 +53,33 @@ def choice_needs(world: World) -> tuple[str, ...]:
 
 def sample_lights(world: World, choice: Choice, point: Vector, normal: Vector) -> Sample:
     """Return samples of light that may reach points, divided by the probability of the chosen light."""
+    zero = jnp.zeros_like(point[0])
+    u, v = (zero if part is None else part for part in (choice.u, choice.v))
+    return sample_light(world, choice.number(world, zero), point, normal, u, v)
+
+
+def sample_light(world: World, number: Array, point: Vector, normal: Vector, u: Array, v: Array) -> Sample:
+    """Return samples of numbered lights, divided by the probability of one of all lights."""
     count = len(world.lights)
     zero = jnp.zeros_like(point[0])
-    number = choice.number(world, zero)
     result = Sample((zero, zero, zero), zero, (zero, zero, zero), zero, zero)
     for lights, row, here in by_kind(world.lights, number):
-        u, v = (zero if part is None else part for part in (choice.u, choice.v))
         sample = lights.sample(row, point, normal, u, v)
         result = where(here, sample, result)
     return result._replace(arriving=times(count, result.arriving), density=result.density / count)
 
 
-def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Array) -> Array:
-    """Return whether light reaches the points that are wanted."""
+def reach(sample: Sample, point: Vector) -> Array:
+    """Return how far an object has to be to hide a light: its distance less what rounding decides."""
     # The hit on a light is known up to the rounding of coordinates, more at grazing angles.
     size = largest(point) + jnp.where(jnp.isfinite(sample.distance), sample.distance, 0)
     slack = 4 * rounding(size) / jnp.maximum(sample.slope, 2 * rounding(jnp.ones_like(size)))
-    limit = sample.distance - jnp.minimum(slack, 0.5 * sample.distance)
-    rays = point, keep(wanted, sample.direction), time, jnp.where(wanted, limit, 0)
+    return sample.distance - jnp.minimum(slack, 0.5 * sample.distance)
+
+
+def visible(world: World, sample: Sample, point: Vector, time: Array, wanted: Array) -> Array:
+    """Return whether light reaches the points that are wanted."""
+    rays = point, keep(wanted, sample.direction), time, jnp.where(wanted, reach(sample, point), 0)
     blocked = search(*jax.lax.stop_gradient((world, *rays)), True)[1] >= 0
     return wanted & ~blocked
 
@@ -142,7 +150,7 @@ def interact(
 
 def surface(world: World, at: Intersection, time: Array) -> Surface:
     """Return the surface at each hit; all values are 0 if nothing, or a light, is hit."""
-    textured = [_is_textured(item.material) for item, _ in world.numbered()]
+    textured = [is_textured(item.material) for item, _ in world.numbered()]
     number = at.number
     u, v = coordinates(world, textured, number, time, at.inside)
     starts = [start for _, start in world.numbered()]
@@ -199,7 +207,7 @@ def surface_kinds(*objects: Object) -> list[Surface]:
     return [jax.eval_shape(partial(_at, item.material), number, number, number) for item in objects]
 
 
-def _is_textured(material: Any) -> bool:
+def is_textured(material: Any) -> bool:
     """Return whether a material may depend on coordinates."""
     return material is not None and getattr(unwrap(material), "textured", True)
 

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._shapes.shape_batches import Rays, Shape, ahead, first, plane, roots, rounding, row
+from qmcjax.tracing._shapes.object import Rays, Shape, ahead, first, plane, roots, rounding, row
 from qmcjax.tracing._shapes.vectors import (
     Vector,
     along,

@@ -14,7 +14,7 @@ from jax import Array
 from numpy.typing import NDArray
 
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._shapes.shape_batches import Rays, Shape, rounding
+from qmcjax.tracing._shapes.object import Rays, Shape, rounding
 from qmcjax.tracing._shapes.vectors import (
     Vector,
     components,

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike
 
 from qmcjax.core import checks
 from qmcjax.core.parameters import axes, numbers, require
-from qmcjax.tracing._shapes.object import Object, as_motion
+from qmcjax.tracing._shapes.object import Object, Shape, as_motion
 from qmcjax.tracing._shapes.primitives import Box, Cylinder, Disc, Plane, Rectangle, Sphere
-from qmcjax.tracing._shapes.shape_batches import Shape
 from qmcjax.tracing._shapes.triangles import WORTHWHILE, Triangles, build_tree
 from qmcjax.tracing._world.materials import as_material
 

@@ -14,9 +14,8 @@ from qmcjax.core import checks
 from qmcjax.core.maps import cone
 from qmcjax.core.parameters import numbers
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._shapes.object import Object
+from qmcjax.tracing._shapes.object import Object, row
 from qmcjax.tracing._shapes.primitives import Rectangle, Sphere
-from qmcjax.tracing._shapes.shape_batches import row
 from qmcjax.tracing._shapes.vectors import (
     Vector,
     along,

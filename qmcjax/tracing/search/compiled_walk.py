@@ -21,7 +21,7 @@ from jax import Array
 from jax.experimental.buffer_callback import buffer_callback
 
 from qmcjax.tracing._shapes import vectors
-from qmcjax.tracing._shapes.shape_batches import SLACK, Rays
+from qmcjax.tracing._shapes.object import SLACK, Rays
 from qmcjax.tracing.search.program import Walkable
 
 _PIECE = 2048

@@ -18,8 +18,7 @@ from jax.typing import DTypeLike
 
 from qmcjax.core import backends
 from qmcjax.core.parameters import cast
-from qmcjax.tracing._shapes.object import Frame, identity, to_object_space
-from qmcjax.tracing._shapes.shape_batches import Shape
+from qmcjax.tracing._shapes.object import Frame, Shape, identity, to_object_space
 from qmcjax.tracing._shapes.vectors import Vector, along, dot, each, keep, minus, plus, times, unit, where
 from qmcjax.tracing._world.world import World, with_shapes
 from qmcjax.tracing.search.program import by_program

@@ -14,8 +14,7 @@ import numpy as np
 from jax import Array
 
 from qmcjax.core import backends
-from qmcjax.tracing._shapes.object import Frame, Object, to_object_space
-from qmcjax.tracing._shapes.shape_batches import Rays, Shape, meets, rounding
+from qmcjax.tracing._shapes.object import Frame, Object, Rays, Shape, meets, rounding, to_object_space
 from qmcjax.tracing._shapes.triangles import Tree, Triangles
 from qmcjax.tracing._shapes.vectors import Vector, components, each, largest, minus
 from qmcjax.tracing._world.world import World, merge_kinds

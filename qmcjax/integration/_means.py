@@ -1,6 +1,7 @@
 """Programs for the mean of a function over points: blocks of points, pairwise and compensated sums."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import field
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from jax import Array
 from jax.core import Tracer
 from jax.sharding import Mesh
+from numpy.typing import NDArray
 
 from qmcjax.core import backends, checks, devices, plug_ins, summation
 from qmcjax.core.pytrees import frozen_pytree, jit
@@ -78,11 +80,22 @@ class Integrand:
         return columns(values, np.dtype(np.float64) if self.replicated else self.dtype)
 
     def points(self, sequence: Sequence, index: Array) -> Array:
-        dims = tuple(range(sequence.dims))
+        exact = not self.replicated or isinstance(sequence, BinarySequence)
+        dtype = self.dtype if exact else np.dtype(np.float64)
+        return self.centred(sequence.coordinates(index, tuple(range(sequence.dims)), dtype), sequence)
+
+    def centred(self, points: Array, sequence: Sequence) -> Array:
+        """Move randomised points to the centres of their cells, without rounding to nearest in float32."""
         if not self.replicated:
-            return sequence.coordinates(index, dims, self.dtype)
-        exact = self.dtype if isinstance(sequence, BinarySequence) else np.dtype(np.float64)
-        return _centred(sequence.coordinates(index, dims, exact), sequence, self.dtype)
+            return points
+        if self.dtype == jnp.float32:
+            side = np.asarray(2.0**-23, points.dtype)
+            # Not (floor + 1/2) * side: XLA moves constant factors out of products of coordinates, which
+            # overflow.
+            return (jnp.floor(points / side) * side + side / 2).astype(self.dtype)
+        if isinstance(sequence, OwenDigits):  # random down to the resolution of float64
+            return points
+        return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))
 
 
 def _call_checked(function: Any, points: Array) -> Any:
@@ -128,17 +141,6 @@ def _is_real(dtype: Any) -> bool:
     return any(jnp.issubdtype(dtype, kind) for kind in (jnp.integer, jnp.floating, jnp.bool_))
 
 
-def _centred(points: Array, sequence: Sequence, dtype: np.dtype) -> Array:
-    """Move randomised points to the centres of their cells, without rounding to nearest in float32."""
-    if dtype == jnp.float32:
-        side = np.asarray(2.0**-23, points.dtype)
-        # Not (floor + 1/2) * side: XLA moves constant factors out of products of coordinates, which overflow.
-        return (jnp.floor(points / side) * side + side / 2).astype(dtype)
-    if isinstance(sequence, OwenDigits):  # random down to the resolution of float64
-        return points
-    return jnp.minimum(points + np.float64(2.0**-33), np.float64(1 - 2.0**-53))
-
-
 @jit("n", "aligned", "mesh", "traced")
 def mean_of(
     integrand: Integrand,
@@ -150,10 +152,6 @@ def mean_of(
     traced: bool,
 ) -> Any:
     """Return the mean of the values; of a replicate, the means of their columns."""
-
-    def of_index(integrand: Integrand, sequence: Sequence, index: Array) -> Array:
-        return integrand.columns(integrand.points(sequence, index))
-
     fast = aligned and isinstance(sequence, BinarySequence) and sequence.linear is not None
     rows, caches = backends.current().rows, backends.current().caches
     size = _BATCH if fast or not caches else 1
@@ -164,13 +162,10 @@ def mean_of(
 
     def block(parameters: Any, k: Array) -> Array:
         integrand, sequence, blocks, start = parameters
-        row = jax.lax.iota(jnp.uint32, rows)
         if blocks is None:
-            return of_index(integrand, sequence, start + k * np.uint32(rows) + row)
+            return _values_of(integrand, sequence, start + k * np.uint32(rows), rows)[1]
         points = sequence.points_of_blocks(blocks.part(k, 1), integrand.dtype)
-        return integrand.columns(
-            _centred(points, sequence, integrand.dtype) if integrand.replicated else points
-        )
+        return integrand.columns(integrand.centred(points, sequence))
 
     def batch(parameters: Any, k: Array) -> Array:
         first = k * np.uint32(size)
@@ -189,8 +184,7 @@ def mean_of(
         parameters = (edges[:-1], edges[1:]), integrand, sequence, blocks, start
         total = devices.summed(of_part, mesh, traced, *parameters)
     if rest:
-        index = start + np.uint32(n - rest) + jax.lax.iota(jnp.uint32, rest)
-        last = _tree_sum(of_index(integrand, sequence, index))
+        last = _tree_sum(_values_of(integrand, sequence, start + np.uint32(n - rest), rest)[1])
         # A single value, as if added to 0: not -0.
         alone = jnp.where(last == 0, last - jax.lax.stop_gradient(last), last)
         total = alone if total is None else total + last
@@ -216,9 +210,8 @@ def refuse_infinite(means: Any, integrand: Integrand, sequence: Sequence, start:
     leaves = jax.tree.leaves(means)
     if any(isinstance(leaf, Tracer) for leaf in leaves) or all(np.isfinite(leaf).all() for leaf in leaves):
         return
-    for first in range(start, start + n, _SEARCHED):
-        points, values = map(np.asarray, some_values(integrand, sequence, jnp.uint32(first), _SEARCHED))
-        bad = np.flatnonzero(~np.isfinite(values[: start + n - first]).all(axis=1))
+    for first, points, values in _searched(integrand, sequence, start, n):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
         if bad.size:
             if isinstance(integrand.function, Bounded):
                 points = np.asarray(integrand.function.places(jnp.asarray(points)))
@@ -242,28 +235,26 @@ def value_range(
     one, off = np.asarray(some)[0], np.abs(np.asarray(means) - np.asarray(some)[:1]).max(axis=0)
     low, high = one.copy(), one + np.asarray(spread)
     varied = off > 4 * np.finfo(np.float64).eps * np.abs(one)
-    size = min(n, _SEARCHED)
-    for copy in copies:
-        for first in range(start, start + n, size):
-            if not (varied & (low == high)).any():
-                return high - low
-            count = np.uint32(min(size, start + n - first))
-            least, most = _least_and_most(integrand, copy, jnp.uint32(first), count, size)
-            low, high = np.minimum(low, least), np.maximum(high, most)
+    parts = (part for copy in copies for part in _searched(integrand, copy, start, n))
+    while (varied & (low == high)).any() and (part := next(parts, None)) is not None:
+        low, high = np.minimum(low, part[2].min(axis=0)), np.maximum(high, part[2].max(axis=0))
     return high - low
 
 
-@jit("size")
-def _least_and_most(
-    integrand: Integrand, sequence: Sequence, first: Array, count: Array, size: int
-) -> tuple[Array, Array]:
-    _, values = some_values(integrand, sequence, first, size)
-    there = (jax.lax.iota(jnp.uint32, size) < count)[:, None]
-    least, most = jnp.where(there, values, jnp.inf), jnp.where(there, values, -jnp.inf)
-    return least.min(axis=0), most.max(axis=0)
+def _searched(
+    integrand: Integrand, sequence: Sequence, start: int, n: int
+) -> Iterator[tuple[int, NDArray, NDArray]]:
+    """Return parts of the points and their values, with the index of the first one."""
+    size = min(n, _SEARCHED)
+    for first in range(start, start + n, size):
+        points, values = map(np.asarray, some_values(integrand, sequence, jnp.uint32(first), size))
+        yield first, points, values[: start + n - first]
 
 
-@jit("count")
-def some_values(integrand: Integrand, sequence: Sequence, first: Array, count: int) -> tuple[Array, Array]:
+def _values_of(integrand: Integrand, sequence: Sequence, first: Array, count: int) -> tuple[Array, Array]:
+    """Return some points, and the columns of their values."""
     points = integrand.points(sequence, first + jax.lax.iota(jnp.uint32, count))
     return points, integrand.columns(points)
+
+
+some_values = jit("count")(_values_of)

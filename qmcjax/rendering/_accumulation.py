@@ -127,8 +127,11 @@ def _batch(how: How, parameters: tuple[Any, Any, Any, Pixels], number: Array) ->
     values = []
     for point in sampler.consecutive(prepared, number, how.batch, how.dims, how.dtype):
         whole = with_all_dims(point, how.dims, len(scene.needs))
-        value = scene(on_screen(whole, *pixels, how.width, how.height))
-        values.append(value if is_own(sampler) else nan_outside(value, point))
+        screen = on_screen(whole, *pixels, how.width, how.height)
+        if getattr(scene, "unrolled", 0) == 1:  # Rounded as in `_scene_program`, without fused additions.
+            screen = jax.lax.optimization_barrier(screen)
+        value = scene(screen)
+        values.append(value if is_own(sampler) else nan_unless(inside_cube(point), value))
     return summation.pairwise(values)
 
 
@@ -150,16 +153,20 @@ def _of_sub_samples(
         whole = point if level else on_screen(point, *pixels, how.width, how.height)
         own = {j: whole[..., i] for i, j in enumerate(dims)}
         value = _of_sub_samples(how, parameters, one, level + 1, given | own)
-        return value if is_own(sampler) else nan_outside(value, point)
+        return value if is_own(sampler) else nan_unless(inside_cube(point), value)
 
     if count == 1:
         return of_one(jnp.uint32(0))
     return summation.pairwise(list(jax.vmap(of_one)(jnp.arange(count, dtype=jnp.uint32))))
 
 
-def nan_outside(values: Array, points: Array) -> Array:
+def inside_cube(points: Array) -> Array:
+    """Return whether points are in [0, 1), along the last axis."""
+    return jnp.all((points >= 0) & (points < 1), axis=-1)
+
+
+def nan_unless(inside: Array, values: Array) -> Array:
     """Replace values by NaN where a point is not in [0, 1); non-finite values are diagnosed later."""
-    inside = jnp.all((points >= 0) & (points < 1), axis=-1)
     inside = inside.reshape(inside.shape + (1,) * (values.ndim - inside.ndim))
     return jnp.where(inside, values, jnp.asarray(jnp.nan, values.dtype))
 
@@ -209,10 +216,14 @@ def on_screen(point: Array, x: Array, y: Array, width: int, height: int) -> Arra
 def zeros(scene: Any, shape: tuple[int, ...], dtype: DTypeLike) -> Sum:
     """Return the empty sum of values of a scene at pixels of a shape."""
     point = jax.ShapeDtypeStruct((*shape, len(scene.needs)), dtype)
-    values = jax.eval_shape(scene, point)
+    return summation.zeros(checked(jax.eval_shape(scene, point), shape, dtype))
+
+
+def checked(values: Any, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+    """Return the values of a scene, or raise a ValueError unless there is one, of any channels, per point."""
     if values.dtype != dtype or values.shape[: len(shape)] != shape or len(values.shape) > len(shape) + 1:
         raise ValueError(
             f"scene must return values of shape (...) or (..., channels) and the points' dtype, {shape} and "
             f"{dtype}, got {values.shape} and {values.dtype}"
         )
-    return summation.zeros(values)
+    return values

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from qmcjax import samplers, sequences
 from qmcjax.core import checkpoints, checks, devices, draws
 from qmcjax.core.checkpoints import Checkpoint
+from qmcjax.rendering import _tolerances
 from qmcjax.rendering._render import render, render_task
 from qmcjax.rendering._task import check_progress, open_checkpoint, task
 from qmcjax.scenes import Scene, as_scene
@@ -45,7 +46,8 @@ def render_passes(
     height: int,
     passes: int,
     *,
-    tolerance: float | None = None,
+    tolerance: _tolerances.Tolerance | None = None,
+    relative: float | None = None,
     seconds: float | None = None,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
@@ -62,8 +64,14 @@ def render_passes(
         sampler of a pass. A pass has ``sampler.spp`` samples per pixel.
     width, height : int, in [1, 65536]
     passes : int, number of passes, or the maximum, at least 2
-    tolerance : float, optional
-        Stop after two or more passes as soon as ``error`` is at most this, a positive number.
+    tolerance : float or callable, optional
+        Stop after two or more passes as soon as ``error`` is at most this, a positive number. A function is
+        called with the means so far and their variances, float64 ndarrays of the image's shape, and returns
+        the standard error that is allowed: a number, or one for each pixel or each of its channels. Rendering
+        stops when the root mean square of the errors over the allowed ones is at most 1.
+    relative : float, optional
+        The same, with this fraction of the mean of the pixel's brightest channel as the allowed error, or
+        with ``tolerance`` where that is larger: give a floor if pixels may be black.
     seconds : float, optional
         Stop after two or more passes as soon as this call has taken so long, a positive number.
     dtype : float32 or float64, dtype of the images; passes are added up in float64
@@ -71,7 +79,7 @@ def render_passes(
         Called with the finished part in (0, 1] after each pass: the largest of the parts of all passes, of
         the time, and of the way to the tolerance.
     checkpoint : path or Checkpoint, optional
-        File that keeps the passes, as for :func:`render`; ``passes``, ``tolerance`` and ``seconds`` may
+        File that keeps the passes, as for :func:`render`; ``passes``, tolerances and ``seconds`` may
         change. If your own function makes the sampler, pass a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, as for :func:`qmcjax.render`. Several processes cannot agree on
@@ -79,7 +87,7 @@ def render_passes(
 
     Notes
     -----
-    For a given number of passes, image and variance are unbiased up to rounding. With ``tolerance`` both are
+    For a given number of passes, image and variance are unbiased up to rounding. With a tolerance both are
     biased: stopping depends on the passes so far, and errors are underestimated until a rare event occurs.
     Means are then too small for values that are rarely large, and variances are always too small. The bias
     vanishes with the tolerance; it is smallest if the number of passes hardly varies, as for many pixels that
@@ -105,11 +113,11 @@ def render_passes(
     if not callable(getattr(sampler, "of_pass", None)):
         raise TypeError(f"sampler must be made by samplers.randomized, got {checks.shown(sampler)}")
     passes = checks.integer("passes", passes, 2, checks.INDEX_LIMIT)
-    for name, value in (("tolerance", tolerance), ("seconds", seconds)):
-        if value is not None:
-            checks.positive(name, value)
-            if np.ndim(value):
-                raise TypeError(f"{name} must be one number, got {checks.shown(value)}")
+    _tolerances.check(tolerance, relative)
+    if seconds is not None:
+        checks.positive("seconds", seconds)
+        if np.ndim(seconds):
+            raise TypeError(f"seconds must be one number, got {checks.shown(seconds)}")
     if seconds is not None and devices.processes(devices.validate_mesh(mesh)) > 1:
         raise ValueError(f"seconds must be None for a mesh of several processes, got {seconds}")
     dtype = checks.floating(dtype)
@@ -125,8 +133,12 @@ def render_passes(
     def finished(state: _State) -> float:
         """Return the finished part, by the criterion that will stop first."""
         parts = [state.done / passes]
-        if state.done > 1 and tolerance is not None:
+        if state.done > 1 and relative is None and tolerance is not None and not callable(tolerance):
             parts.append((float(tolerance) / max(float(state.error), float(tolerance))) ** 2)
+        elif state.done > 1 and (relative is not None or tolerance is not None):
+            mean, variance = np.asarray(state.mean), np.asarray(state.variance)
+            rounded = variance + np.square(float(jnp.finfo(dtype).eps) * mean)
+            parts.append(1 / max(_tolerances.missed(tolerance, relative, mean, variance, rounded).mean(), 1))
         if state.done > 1 and seconds is not None:
             parts.append((time.monotonic() - begin) / float(seconds))
         return min(max(parts), 1.0)

@@ -17,7 +17,7 @@ from jax.typing import DTypeLike
 from qmcjax.core import backends, checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.core.pytrees import jit
-from qmcjax.rendering import _accumulation
+from qmcjax.rendering import _accumulation, _scene_program
 from qmcjax.rendering._task import Task, check_progress, in_one_pass, open_checkpoint, refuse, task
 from qmcjax.samplers import SamplerLike
 from qmcjax.scenes import Scene
@@ -67,7 +67,8 @@ def render(
     mesh : jax.sharding.Mesh, optional
         Devices that share the pixels, such as ``jax.make_mesh((jax.device_count(),), ("devices",))``: of one
         process, or of several that all make the same call. Image and derivatives are bit-identical on any
-        number of devices, and complete in each process. By default the default device of JAX.
+        number of devices, and complete in each process. By default the default device of JAX, where
+        ray-traced scenes are compiled alone: last bits may differ from those in another program.
 
     Returns
     -------
@@ -103,11 +104,12 @@ def render_task(
     scene, sampler, width, height, spp, dtype, levels = task
     sampler, dims = sampler.up_to(spp), tuple(range(len(scene.needs)))
     traced, backend = task.traced, backends.current()
+    alone = mesh is None and saved is None and _scene_program.suits(task)
     with checks.precision(dtype):
         # Add values pairwise before the compensated sum: memory traffic dominates.
         batch, together = in_one_pass(scene, sampler, spp, dims, levels)
         pixels, size = width * height, _accumulation.tile_size(width * height, together, mesh, traced)
-        if backend.caches and size < pixels:
+        if backend.caches and size < pixels and not alone:
             sampler = _with_tables(sampler, dims)
         pair = devices.place((scene, sampler), mesh)
         most = min(backend.pixels, backend.samples // spp)
@@ -115,7 +117,10 @@ def render_task(
         whole = together > 1 and batch * together == spp
         how = _accumulation.How(size, width, height, batch, together, whole, dims, dtype, mesh, levels)
         count = -(-pixels // size)
-        if saved is None and (traced or (count <= at_a_time and count * size * spp <= backend.samples)):
+        if alone:
+            means = _scene_program.means(task, sampler, progress)
+            image, finite = _in_place(means, (height, width, *means.shape[1:]), backend.caches)
+        elif saved is None and (traced or (count <= at_a_time and count * size * spp <= backend.samples)):
             by_rows = backend.caches and not traced
             made = _at_once(pair, *devices.place((np.uint32(spp),), mesh), how, traced, by_rows)
             image, finite = devices.local(made, mesh)

@@ -8,6 +8,7 @@ from jax.sharding import Mesh
 from jax.typing import DTypeLike
 
 from qmcjax.core import checks, devices
+from qmcjax.rendering import _tolerances
 from qmcjax.rendering._adaptive import AdaptiveImage, skip_constant
 from qmcjax.rendering._task import Task, check_progress, task
 from qmcjax.rendering.stopping import check_passes, until_tolerance
@@ -24,7 +25,8 @@ def render_adaptive(
     *,
     dtype: DTypeLike = jnp.float32,
     progress: Callable[[float], None] | None = None,
-    tolerance: float | None = None,
+    tolerance: _tolerances.Tolerance | None = None,
+    relative: float | None = None,
     unbiased: bool = False,
     mesh: Mesh | None = None,
 ) -> AdaptiveImage:
@@ -40,19 +42,24 @@ def render_adaptive(
     ----------
     scene : Scene
     sampler : Sampler
-        Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance``.
+        Made by :func:`qmcjax.samplers.randomized` if there is a ``tolerance`` or it is ``relative``.
     width, height : int, in [1, 65536]
-    spp : int, samples per pixel, or the maximum: with ``tolerance`` a multiple of the samples of a pass
+    spp : int, samples per pixel, or the maximum: with a tolerance a multiple of the samples of a pass
     dtype : float32 or float64
     progress : callable, optional, called with the finished part in (0, 1], several times in a long run
-    tolerance : float, optional
+    tolerance : float or callable, optional
         Take passes in each pixel until the standard error of it and its neighbours is at most this, or until
-        it has ``spp`` samples. At least four passes are taken. Positive.
+        it has ``spp`` samples. At least four passes are taken. Positive. A function is called with the means
+        so far and estimates of their variances, float64 ndarrays of the image's shape, and returns the
+        largest standard error that is allowed: a number, or one for each pixel or each of its channels.
+    relative : float, optional
+        The same, as a fraction of the mean of the pixel's brightest channel. Positive. ``tolerance`` is then
+        a floor: the larger one of both is allowed, so that dark pixels do not take all samples.
     unbiased : bool
-        With ``tolerance``: decide the number of passes of each pixel from four passes that are not part of
-        the image; ``counts`` includes them. The error is then a prediction from four passes: a few pixels
-        remain above the tolerance. Otherwise a pixel whose first passes happen to agree stops early, and rare
-        bright values are underestimated.
+        With a tolerance: decide the number of passes of each pixel from four passes that are not part of the
+        image; ``counts`` includes them. The error is then a prediction from four passes: a few pixels remain
+        above the tolerance. Otherwise a pixel whose first passes happen to agree stops early, and rare bright
+        values are underestimated.
     mesh : jax.sharding.Mesh, optional
         Devices that share the sampled pixels, as for :func:`qmcjax.render`.
 
@@ -88,20 +95,21 @@ def render_adaptive(
             "jax.jit, jax.vmap or jax.grad, got a tracer"
         )
     check_progress(progress, wanted)
-    _check_tolerance(wanted, tolerance, unbiased)
+    _check_tolerances(wanted, tolerance, relative, unbiased)
     mesh = devices.validate_mesh(mesh)
     report = progress or (lambda part: None)
-    if tolerance is None:
+    if tolerance is None and relative is None:
         return skip_constant(wanted, mesh, report)
-    return until_tolerance(wanted, tolerance, unbiased, mesh, report)
+    return until_tolerance(wanted, tolerance, relative, unbiased, mesh, report)
 
 
-def _check_tolerance(task: Task, tolerance: Any, unbiased: Any) -> None:
+def _check_tolerances(task: Task, tolerance: Any, relative: Any, unbiased: Any) -> None:
     checks.flag("unbiased", unbiased)
-    if tolerance is None:
+    _tolerances.check(tolerance, relative)
+    if tolerance is None and relative is None:
         if unbiased:
             raise ValueError(
                 "unbiased must be False without a tolerance: then nothing depends on the samples, got True"
             )
         return
-    check_passes(task.sampler, task.spp, tolerance, unbiased)
+    check_passes(task.sampler, task.spp, unbiased)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.rendering._adaptive import AdaptiveImage, Group, flat, means, plan, result
 from qmcjax.rendering._task import Task, refuse
+from qmcjax.rendering._tolerances import Tolerance, missed
 from qmcjax.samplers import Randomized
 
 PILOT = 4
@@ -21,11 +22,8 @@ _PILOT_KEY = 2**32 - 1
 """Folded into the key for the pilot. No pass has this number."""
 
 
-def check_passes(sampler: Any, spp: int, tolerance: Any, unbiased: bool) -> None:
-    """Raise unless this tolerance can stop passes of the sampler, up to ``spp`` samples."""
-    checks.positive("tolerance", tolerance)
-    if np.ndim(tolerance):
-        raise TypeError(f"tolerance must be one number for all pixels, got {checks.shown(tolerance)}")
+def check_passes(sampler: Any, spp: int, unbiased: bool) -> None:
+    """Raise unless a tolerance can stop passes of the sampler, up to ``spp`` samples."""
     if not isinstance(sampler, Randomized):
         raise TypeError(
             "sampler must be made by samplers.randomized for a tolerance, since errors are estimated from "
@@ -44,15 +42,15 @@ def pilot_of(sampler: Randomized) -> Randomized:
     return replace(sampler, key=jax.random.fold_in(sampler.key, _PILOT_KEY))
 
 
-def passes_needed(variance: NDArray[np.float64], tolerance: float, most: int) -> NDArray[np.int64]:
-    """Return the number of passes of this variance for this standard error of the mean, in [1, most]."""
-    return np.clip(np.ceil(variance / tolerance / tolerance), 1, most).astype(np.int64)
-
-
 def until_tolerance(
-    task: Task, tolerance: float, unbiased: bool, mesh: Mesh | None, progress: Callable[[float], None]
+    task: Task,
+    tolerance: Tolerance | None,
+    relative: float | None,
+    unbiased: bool,
+    mesh: Mesh | None,
+    progress: Callable[[float], None],
 ) -> AdaptiveImage:
-    """Take passes in each pixel that varies until its standard error is at most ``tolerance``."""
+    """Take passes in each pixel that varies until its standard error is allowed."""
     centre, groups = plan(task)
     limit = task.spp // task.sampler.spp
     vary = np.zeros(task.width * task.height, bool)
@@ -67,7 +65,8 @@ def until_tolerance(
     if not np.isfinite(moments.mean).all():
         refuse(task._replace(sampler=pilot, spp=PILOT * pilot.spp), moments.mean.reshape(centre.shape))
     if unbiased:
-        passes = passes_needed(moments.variance(), tolerance, limit - PILOT) * vary
+        needed = np.ceil(moments.passes_needed(tolerance, relative))
+        passes = np.clip(needed, 1, limit - PILOT).astype(np.int64) * vary
         moments = _Moments(centre.shape, mesh)
         for number in range(int(passes.max(initial=0))):
             moments.add(task, task.sampler.of_pass(number), groups, passes > number)
@@ -76,7 +75,7 @@ def until_tolerance(
     else:
         active = vary
         for number in range(PILOT, limit):
-            active = active & (moments.variance() > tolerance**2 * moments.count)
+            active = active & (moments.passes_needed(tolerance, relative) > moments.count)
             if not active.any():
                 break
             moments.add(task, task.sampler.of_pass(number), groups, active)
@@ -109,12 +108,15 @@ class _Moments:
                 self.mean[part] += (deviation.T / self.count[part]).T
                 self.squares[part] += deviation * (values - self.mean[part])
 
-    def variance(self) -> NDArray[np.float64]:
-        """Return the variance of a pass: the largest among a pixel, its eight neighbours and all channels.
+    def passes_needed(self, tolerance: Tolerance | None, relative: float | None) -> NDArray[np.float64]:
+        """Return how many passes each pixel needs: the most of it, its eight neighbours and all channels.
 
         A few passes of one pixel may agree by chance if an edge cuts off a corner; all nine rarely do.
         """
-        of_pixel = (self.squares.T / np.maximum(self.count - 1, 1)).T.reshape(self.shape)
-        padded = np.pad(of_pixel.reshape(*self.shape[:2], -1).max(axis=2), 1)
+        of_pass = (self.squares.T / np.maximum(self.count - 1, 1)).T
+        of_mean = (of_pass.T / np.maximum(self.count, 1)).T
+        given = (each.reshape(self.shape) for each in (self.mean, of_mean, of_pass))
+        needed = missed(tolerance, relative, *given)
+        padded = np.pad(needed.reshape(*self.shape[:2], -1).max(axis=2), 1)
         rows = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
         return np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:]).ravel()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from qmcjax.core import checks
 from qmcjax.core.parameters import cast, numbers, positive
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.scenes import _checkerboard_reference, _flat_checkerboard_reference
+from qmcjax.scenes import _checkerboard_reference
 from qmcjax.scenes._base import ExactScene, cast_edges
 from qmcjax.scenes._edges import visible
 
@@ -149,11 +149,11 @@ class FlatCheckerboard(ExactScene):
         return foot + distance[..., None] * onward, -_parity(k + square)
 
     def _pixel_means(self, width: int, height: int) -> tuple[NDArray[np.float64], float]:
-        return _flat_checkerboard_reference.pixel_means(float(self.squares), float(self.angle), width, height)
+        return _checkerboard_reference.flat_means(float(self.squares), float(self.angle), width, height)
 
     def reference_gradient(self, width: int, height: int) -> tuple["FlatCheckerboard", float]:
         width, height = checks.image_size(width, height)
-        squares, angle, bound = _flat_checkerboard_reference.pixel_gradients(
+        squares, angle, bound = _checkerboard_reference.flat_gradients(
             float(self.squares), float(self.angle), width, height
         )
         return FlatCheckerboard(squares, angle), bound

@@ -26,7 +26,7 @@ from qmcjax.core import checks
 from qmcjax.core.parameters import cast, moves_an_edge, numbers
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.scenes._base import EPS, ExactScene, dimension_names, in_float64
-from qmcjax.scenes._products import bell_means, decay_means, separable
+from qmcjax.scenes._smooth import bell_means, decay_means, separable
 
 Floats = NDArray[np.float64]
 Means = tuple[Floats, float]

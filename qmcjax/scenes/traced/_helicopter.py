@@ -39,6 +39,8 @@ MAST = ([0.0, 0.5, 0.0], [0.0, UPPER - 0.4, 0.0], 0.07)
 CANOPY = ([[1.05, 0.36, 0.0], [1.65, 0.16, 0.0]], [0.42, 0.36])
 HUB = 0.16
 
+ROUTE = [[-0.3, 2.55, 0.05], [-0.1, 2.55, 0.0], [0.15, 2.65, -0.05]]
+
 GREEN, DARK = (0.3, 0.36, 0.2), (0.03, 0.03, 0.035)
 
 
@@ -78,7 +80,10 @@ def helicopter(shutter: Any = (0.0, 1.0), *, turns: Any = 2.25, visibility: str 
     ('x', 'y')
     """
     turns = numbers("turns", turns)
-    flight = motion.affine(_attitude(), _route())
+    # The nose turns down and to the left, at increasing speed.
+    attitude = Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.008))
+    route = motion.nurbs(ROUTE, None, [0, 0, 0, 1, 1, 1], 2)
+    flight = motion.affine(attitude, route)
     analytic = is_analytic(visibility)
     if analytic:
         require("turns", turns, lambda t: abs(t) <= MOST, f"at most {MOST} either way")
@@ -170,16 +175,6 @@ def _blades(turns: Any) -> tracing.Object:
     along = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
     across = np.stack([np.sin(angle), 0 * angle + 0.12 * np.sign(turns), np.cos(angle)], axis=-1)
     return tracing.rectangle(0.2 * along - 0.31 * across, 3.1 * along, 0.62 * across)
-
-
-def _attitude() -> Spin:
-    """Return the rotations: the nose turns down and to the left, at increasing speed."""
-    return Spin(np.array([0.0, 0.8, -0.6]), np.array(0.03), np.array(0.008))
-
-
-def _route() -> motion.Nurbs:
-    control = [[-0.3, 2.55, 0.05], [-0.1, 2.55, 0.0], [0.15, 2.65, -0.05]]
-    return motion.nurbs(control, None, [0, 0, 0, 1, 1, 1], 2)
 
 
 def _hull() -> list[tracing.Object]:

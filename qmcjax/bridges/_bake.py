@@ -7,7 +7,8 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
-from qmcjax.bridges._images import encode_png, write_exr
+from qmcjax.bridges._exr import write_exr
+from qmcjax.bridges._images import encode_png, write_bytes
 from qmcjax.bridges._plain import pixel_points
 from qmcjax.core import checks
 from qmcjax.samplers import SamplerLike, as_sampler
@@ -79,7 +80,8 @@ class BakedTable:
         else:
             single = self.values.shape[3] == 1
             texels = self._texels[..., :1] if single else np.pad(self._texels, [(0, 0), (0, 0), (0, 1)])
-            path.write_bytes(encode_png(texels, {"Software": "qmcjax", "Description": self.readme}, "linear"))
+            texts = {"Software": "qmcjax", "Description": self.readme}
+            write_bytes(path, encode_png(texels, texts, "linear"))
 
     @property
     def _channels(self) -> int:

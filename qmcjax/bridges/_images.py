@@ -1,4 +1,4 @@
-"""Image files: EXR by the package OpenEXR, PNG by pypng, and NumPy arrays."""
+"""Image files: PNG by pypng, NumPy arrays, and what other modules encode."""
 
 import io
 import struct
@@ -12,14 +12,13 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from qmcjax.bridges._exr import read_exr, write_exr
+from qmcjax.bridges._float_files import decode_hdr, decode_pfm, encode_hdr, encode_pfm
 from qmcjax.core import checks, tables
+from qmcjax.samplers import blue_noise_mask
 
-_KNOWN = (".exr", ".npy", ".png")
+_KNOWN = (".exr", ".hdr", ".npy", ".pfm", ".png")
 _SHAPES = "(height, width) or (height, width, 3)"
-
-_EXR_CHANNELS = ("RGBA", "RGB", "Y")
-_CHECKSUM = "qmcjaxCrc32"
-"""Attribute of our EXR files: ZIP leaves chunks that do not become smaller without a checksum."""
 
 DEFLATES = 1032
 """Maximum compression ratio of ZIP: pixels are unpacked no further than the head of a PNG file says."""
@@ -33,21 +32,38 @@ _TRANSFERS = {
 
 
 def write_image(
-    path: str | PathLike[str], image: ArrayLike, *, transfer: str | None = None, bits: int = 8
+    path: str | PathLike[str],
+    image: ArrayLike,
+    *,
+    transfer: str | None = None,
+    bits: int = 8,
+    dither: bool = False,
 ) -> None:
     """Write an image, such as the result of :func:`qmcjax.render`, to a file.
+
+    The file is replaced when the new one is complete.
 
     Parameters
     ----------
     path : path
-        Ends in ``.npy`` or ``.exr`` (``pip install 'qmcjax[exr]'``), for any float32 values, or in ``.png``,
-        for values in [0, 1].
+        Ends in ``.npy``, ``.pfm`` or ``.exr`` (``pip install 'qmcjax[exr]'``), for any float32 values, in
+        ``.hdr``, for values in [0, 2**127), or in ``.png``, for values in [0, 1].
     image : float ArrayLike, shape (height, width) or (height, width, 3), finite linear light
     transfer : {"srgb", "linear"}
         Required for PNG files, which store it: sRGB values, which programs display unchanged, or linear
         light. None for other files.
     bits : {8, 16}
-        Per channel of a PNG file. Values are clamped to [0, 1] and rounded to nearest.
+        Per channel of a PNG file. Values are clamped to [0, 1].
+    dither : bool
+        Whether values of a PNG file are rounded up or down by the thresholds of
+        :func:`qmcjax.samplers.blue_noise_mask`, such that their mean is right, in linear light: 128 x 128
+        pixels of one colour have its mean to 2**-15 of a step. All channels have the same thresholds, so grey
+        stays grey. Otherwise values are rounded to nearest, and smooth gradients have bands.
+
+    Notes
+    -----
+    Radiance's HDR files have three channels, of a grey image equal ones, and a common exponent: errors are at
+    most 1/256 of the brightest channel of the pixel. Values below 2**-128 become 0.
 
     Examples
     --------
@@ -56,6 +72,10 @@ def write_image(
     ...     write_image(f"{folder}/grey.png", [[0.0, 0.5, 1.0]], transfer="srgb", bits=16)
     ...     print(read_image(f"{folder}/grey.png"))
     [[0.        0.5000088 1.       ]]
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/dark.png", np.full((128, 128), 0.001), transfer="srgb", dither=True)
+    ...     print(f"{read_image(f'{folder}/dark.png').mean():.7f}")
+    0.0010000
     """
     path = checks.path(path)
     suffix = checks.suffix_of(path, _KNOWN)
@@ -66,74 +86,127 @@ def write_image(
     if not np.isfinite(known).all():
         row, column, *_ = map(int, np.argwhere(~np.isfinite(known))[0])
         raise ValueError(f"image must be finite, got {known[row, column]} in row {row}, column {column}")
-    pixels = known.reshape(*known.shape[:2], -1)
+    pixels, dither = known.reshape(*known.shape[:2], -1), checks.flag("dither", dither)
     if suffix == ".png":
         transfer = checks.choice("transfer", transfer, ("srgb", "linear"))
         if checks.integer("bits", bits, 8, 16) not in (8, 16):
             raise ValueError(f"bits must be 8 or 16, got {bits}")
-        values = np.clip(pixels, 0, 1)
-        if transfer == "srgb":  # IEC 61966-2-1
-            values = np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
-        whole = np.rint(values * (2**bits - 1)).astype(np.uint8 if bits == 8 else np.uint16)
-        path.write_bytes(encode_png(whole, {"Software": "qmcjax"}, transfer))
+        levels = _levels(np.clip(pixels, 0, 1), 2**bits - 1, transfer, dither)
+        whole = levels.astype(np.uint8 if bits == 8 else np.uint16)
+        write_bytes(path, encode_png(whole, {"Software": "qmcjax"}, transfer))
         return
-    if transfer is not None:
-        raise ValueError(f"transfer must be None except for PNG files, got {checks.shown(transfer)}")
+    for name, given, default in (("transfer", transfer, None), ("dither", dither, False)):
+        if given is not default:
+            raise ValueError(f"{name} must be {default} except for PNG files, got {checks.shown(given)}")
     with np.errstate(over="ignore"):
         exact = known.astype(np.float32)
     if not np.isfinite(exact).all():
         raise ValueError(f"image must be in the range of float32, got {np.abs(known).max()}")
+    channels = exact.reshape(pixels.shape)
     if suffix == ".npy":
-        np.save(path, exact)
+        file = io.BytesIO()
+        np.save(file, exact)
+        write_bytes(path, file.getvalue())
+    elif suffix == ".pfm":
+        write_bytes(path, encode_pfm(channels))
+    elif suffix == ".hdr":
+        write_bytes(path, encode_hdr(np.broadcast_to(channels, (*exact.shape[:2], 3))))
     else:
-        write_exr(path, exact.reshape(pixels.shape), "linear light, by qmcjax")
+        write_exr(path, channels, "linear light, by qmcjax")
 
 
-def read_image(path: str | PathLike[str], *, transfer: str | None = None) -> NDArray[np.float32]:
-    """Read an image of linear light from a file.
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file completely or, after any exception, leave it as it was."""
+    with tables.replaced(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _levels(light: NDArray, top: int, transfer: str, dither: bool) -> NDArray:
+    """Return levels in [0, top] of a PNG file for light in [0, 1], shape (height, width, channels)."""
+    values = light
+    if transfer == "srgb":  # IEC 61966-2-1
+        values = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    if not dither:
+        return np.rint(values * top)
+    low = np.minimum(np.floor(values * top), top - 1)
+    below, above = low / top, (low + 1) / top
+    if transfer == "srgb":
+        below, above = _light(below), _light(above)
+    mask = blue_noise_mask(1)
+    rows, columns = (np.arange(size) % len(mask) for size in light.shape[:2])
+    return low + (light - below > mask[rows][:, columns, None] * (above - below))
+
+
+def _light(values: NDArray) -> NDArray:
+    """Return the linear light of values of sRGB."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def read_image(
+    path: str | PathLike[str], *, transfer: str | None = None, layer: str | None = None
+) -> NDArray[Any]:
+    """Read an image of linear light, or another layer of an EXR file.
 
     Parameters
     ----------
     path : path
-        Ends in ``.exr``, ``.npy`` or ``.png``.
+        Ends in ``.exr``, ``.hdr``, ``.npy``, ``.pfm`` or ``.png``.
     transfer : {"srgb", "linear"}, optional
         Transfer function of a PNG file, see :func:`write_image`. Not needed if the file states it, and must
         not contradict the file.
+    layer : str, optional
+        What to read of an EXR file: a layer, such as ``"ViewLayer.Combined"`` or ``"ViewLayer.Depth"`` of
+        Blender's files, or a channel, such as ``"ViewLayer.Depth.Z"`` or ``"id"``. In files of several parts,
+        their names come first unless channels repeat them. The beginning up to a dot may be left out if what
+        remains occurs once. By default, the colours outside of layers of the first part, or of the only layer
+        that has some.
 
     Returns
     -------
     float32 array, shape (height, width) or (height, width, channels)
         Linear light: 3 channels, or 4 with alpha; grey with alpha has 2. Of an EXR file, the channels RGBA,
-        RGB or Y in its display window, 0 around its data window.
+        RGB, Y, XYZW, XYZ, UV or XY of a layer, or its only one, in the display window, 0 around the data
+        window. Integer channels are uint32, and have to be named. PFM files are multiplied by the
+        magnitude of their scale, HDR files divided by the exposure that they state, as their authors mean it.
 
     Raises
     ------
     ValueError
         If the file has other contents, is damaged or has non-finite values; the message names the file and,
-        if known, the place. If neither a PNG file nor ``transfer`` states the transfer function.
+        if known, the place. If neither a PNG file nor ``transfer`` states the transfer function. If an EXR
+        file has no such layer, or several that ``layer`` may mean; the message lists all.
     ImportError
         For EXR files without the package ``OpenEXR``, which ``pip install 'qmcjax[exr]'`` installs.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     write_image(f"{folder}/light.hdr", [[[0.1, 1.0, 100.0]]])
+    ...     print(read_image(f"{folder}/light.hdr"))
+    [[[  0.   1. 100.]]]
     """
     path = checks.path(path)
     suffix = checks.suffix_of(path, _KNOWN)
     transfer = None if transfer is None else checks.choice("transfer", transfer, ("srgb", "linear"))
-    if transfer is not None and suffix != ".png":
-        raise ValueError(f"transfer must be None except for PNG files, got {transfer!r}")
-    try:
-        pixels = _read_light(path, suffix, transfer)
+    if layer is not None and not isinstance(layer, str):
+        raise TypeError(f"layer must be the name of a layer or None, got {checks.shown(layer)}")
+    for name, given, only in (("transfer", transfer, ".png"), ("layer", layer, ".exr")):
+        if given is not None and suffix != only:
+            raise ValueError(f"{name} must be None except for {only[1:].upper()} files, got {given!r}")
+    with tables.named(path):
+        pixels = read_exr(path).pick(layer) if suffix == ".exr" else _read_light(path, suffix, transfer)
         if not np.isfinite(pixels).all():
             row, column, *_ = map(int, np.argwhere(~np.isfinite(pixels))[0])
             raise ValueError(f"row {row}, column {column}, must be finite, got {pixels[row, column]}")
-    except ValueError as error:
-        raise ValueError(f"{path}, {error}") from None
     return pixels[..., 0] if pixels.shape[2:] == (1,) else pixels
 
 
 def _read_light(path: Path, suffix: str, transfer: str | None) -> NDArray[np.float32]:
-    if suffix == ".exr":
-        return read_exr(path)
     if suffix == ".png":
         return _light_of_png(path.read_bytes(), transfer)
+    if suffix in (".hdr", ".pfm"):
+        return (decode_hdr if suffix == ".hdr" else decode_pfm)(path.read_bytes())
     array = tables.load(path, 2**63)
     if array.dtype.kind != "f" or array.dtype.itemsize > 4 or array.ndim not in (2, 3) or not array.size:
         raise ValueError(
@@ -166,82 +239,10 @@ def read_mask(path: str | PathLike[str]) -> NDArray[np.float64]:
     """
     path = checks.path(path)
     checks.suffix_of(path, (".png",))
-    try:
+    with tables.named(path):
         levels, _, _ = decode_png(path.read_bytes())
-    except ValueError as error:
-        raise ValueError(f"{path}, {error}") from None
     mask = (levels + 0.5) / 2.0 ** (8 * levels.itemsize)
     return mask[..., 0] if mask.shape[2] == 1 else mask
-
-
-def write_exr(path: Path, pixels: NDArray[np.float32], comment: str) -> None:
-    """Write pixels of shape (height, width, channels), 1, 3 or 4 of them."""
-    package = _open_exr(path)
-    names = next(names for names in _EXR_CHANNELS if len(names) == pixels.shape[2])
-    channels = {name: np.ascontiguousarray(pixels[..., k]) for k, name in enumerate(names)}
-    header = {
-        "compression": package.ZIP_COMPRESSION,
-        "type": package.scanlineimage,
-        "comments": comment,
-        _CHECKSUM: _checksum(channels),
-    }
-    path.touch()  # Raises an OSError if it cannot be written, where the package raises RuntimeErrors.
-    with package.File(header, channels) as file:
-        file.write(str(path))
-
-
-def read_exr(path: Path) -> NDArray[np.float32]:
-    """Return pixels of shape (height, width, channels): of the first image, if there are several."""
-    with path.open("rb") as file:
-        magic = file.read(4)
-    if magic != struct.pack("<I", 20000630):
-        raise ValueError(f"byte 0, must be an EXR file, got {magic!r}")
-    package = _open_exr(path)
-    try:
-        with package.File(str(path), separate_channels=True) as file:
-            # The package empties headers of closed files.
-            announced, *corners = map(file.header().get, (_CHECKSUM, "dataWindow", "displayWindow"))
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except Exception as error:  # RuntimeError, UnicodeDecodeError, ...
-        raise ValueError(f"byte 4, must be a whole EXR file: {error}") from None
-    data, display = (np.array(corner, int) for corner in corners)  # (2, 2): first and last column and row
-    size = (data[1] - data[0] + 1)[::-1]
-    kept = {
-        name for name, pixels in channels.items() if pixels.dtype.kind == "f" and pixels.shape == (*size,)
-    }
-    names = next((names for names in _EXR_CHANNELS if set(names) <= kept), None)
-    if names is None or (names == "Y" and channels.keys() & {"RY", "BY"}):
-        found = ", ".join(f"{name} {p.dtype} {p.shape}" for name, p in sorted(channels.items()))
-        what = "floats of full resolution as channels RGBA, RGB, or Y without chroma RY and BY"
-        raise ValueError(f"must have {what}, got {found}")
-    low, high = data - display
-    if (low < 0).any() or (high > 0).any():
-        windows = " and ".join(str(window.tolist()) for window in (data, display))
-        raise ValueError(f"must have its data window within its display window, got {windows}")
-    pixels = np.zeros((*(display[1] - display[0] + 1)[::-1], len(names)), np.float32)
-    crop = np.stack([channels[name] for name in names], axis=-1)
-    pixels[low[1] :, low[0] :][: size[0], : size[1]] = crop
-    found = _checksum({name: pixels[..., k] for k, name in enumerate(names)})
-    if announced not in (None, found):
-        raise ValueError(f"byte 4, must be pixels with their checksum, got {found}")
-    return pixels
-
-
-def _open_exr(path: Path) -> Any:
-    try:
-        import OpenEXR  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ImportError(
-            "path must end in .npy or .png without the package OpenEXR (pip install 'qmcjax[exr]'), got "
-            f"{path}"
-        ) from None
-    return OpenEXR
-
-
-def _checksum(channels: Mapping[str, NDArray[np.float32]]) -> int:
-    """Return the CRC-32 of all lines, channel by channel, as an int32."""
-    lines = np.stack([channels[name] for name in sorted(channels)], axis=1)
-    return int(np.uint32(zlib.crc32(lines.astype("<f4").tobytes())).view(np.int32))
 
 
 def encode_png(pixels: NDArray, texts: Mapping[str, str], transfer: str | None = None) -> bytes:
@@ -302,5 +303,5 @@ def _light_of_png(data: bytes, transfer: str | None) -> NDArray[np.float32]:
     values = pixels / float(np.iinfo(pixels.dtype).max)
     if (says or transfer) == "srgb":
         colours = values[..., : 1 if values.shape[2] < 3 else 3]
-        colours[:] = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+        colours[:] = _light(colours)
     return values.astype(np.float32)

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from functools import lru_cache
 
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
@@ -51,7 +50,7 @@ class PlainSampler:
     def __init__(self, sampler: SamplerLike, dtype: DTypeLike = np.float32) -> None:
         self.sampler = as_sampler("sampler", sampler)
         self.dtype = checks.floating(dtype)
-        self._limits = self.sampler.limits
+        self._limits = self.sampler.fits.limits
         self._tables = Tables(self.sampler, self.dims, self._limits, 8, 2**24, self.dtype)
         self._point: list[float] = []
         self._next = 0
@@ -186,25 +185,10 @@ class Tables:
         return table[y - y0, x - x0, sample - first].tolist()
 
 
-@jit("width", "height", "count", "dims", "dtype")
-def _piece(
-    sampler: Callable[..., Array],
-    corner: Array,
-    first: Array,
-    width: int,
-    height: int,
-    count: int,
-    dims: tuple[int, ...],
-    dtype: DTypeLike,
+@jit("dims", "dtype")
+def _points(
+    sampler: Callable[..., Array], x: Array, y: Array, sample: Array, dims: tuple[int, ...], dtype: DTypeLike
 ) -> Array:
-    """Return the points of a rectangle with its corner at (x, y), samples from the first on."""
-
-    def run(start: Array, length: int, axis: int) -> Array:
-        shape = [1, 1, 1]
-        shape[axis] = length
-        return start + jnp.arange(length, dtype=jnp.uint32).reshape(shape)
-
-    x, y, sample = run(corner[0], width, 1), run(corner[1], height, 0), run(first, count, 2)
     return sampler(x, y, sample, dims, dtype)
 
 
@@ -224,11 +208,12 @@ def pixel_points(
     (x, y), (width, height) = corner, size
     rows = max(1, min(height, PIECE // (width * count * len(dims))))
     found = np.empty((height, width, count, len(dims)), dtype)
+    row, column, sample = np.ogrid[:rows, :width, :count]
+    column, sample = (column + x).astype(np.uint32), (sample + first).astype(np.uint32)
     with checks.precision(dtype):
         for start in range(0, height, rows):
             # The last piece starts early enough to be as large as the others, to share one program.
             top = min(start, height - rows)
-            at = np.array([x, y + top], np.uint32)
-            piece = _piece(sampler, at, np.uint32(first), width, rows, count, dims, np.dtype(dtype))
-            found[top : top + rows] = np.asarray(piece)
+            at = column, (row + y + top).astype(np.uint32), sample
+            found[top : top + rows] = np.asarray(_points(sampler, *at, dims, np.dtype(dtype)))
     return found

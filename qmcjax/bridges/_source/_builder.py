@@ -5,15 +5,7 @@ from typing import Any
 import numpy as np
 
 from qmcjax.bridges._source._errors import Origin, Untranslatable
-from qmcjax.bridges._source._operations import (
-    COMMUTATIVE,
-    COMPARISONS,
-    FOLDED,
-    OPERATIONS,
-    interval,
-    limits_of,
-    may_be_nan,
-)
+from qmcjax.bridges._source._operations import COMPARISONS, OPERATIONS, interval, limits_of, may_be_nan
 from qmcjax.bridges._source._program import BOOL, UINT, Loop, Table, Value
 
 TINY = 4
@@ -63,13 +55,14 @@ class Builder:
         return [self._numbered(Value("result", v.dtype, (), n, loop)) for n, v in enumerate(loop.initial)]
 
     def apply(self, kind: str, *arguments: Value) -> Value:
-        if arguments[0].dtype.kind not in OPERATIONS[kind]:
+        row = OPERATIONS[kind]
+        if arguments[0].dtype.kind not in row.kinds:
             return self._apply_to_others(kind, arguments)
         dtype = BOOL if kind in COMPARISONS else arguments[0].dtype
-        if all(a.kind == "constant" for a in arguments) and (kind in FOLDED):
+        if row.fold is not None and all(a.kind == "constant" for a in arguments):
             with np.errstate(all="ignore"):
-                return self.constant(FOLDED[kind](*(a.detail for a in arguments)), dtype)
-        if kind in COMMUTATIVE:
+                return self.constant(row.fold(*(a.detail for a in arguments)), dtype)
+        if row.commutes:
             # Constants come last.
             arguments = tuple(sorted(arguments, key=lambda a: (a.kind == "constant", a.number)))
         made = self._simpler(kind, dtype, arguments) or self._new(kind, dtype, arguments)
@@ -83,15 +76,18 @@ class Builder:
     def _apply_to_others(self, kind: str, arguments: tuple[Value, ...]) -> Value:
         """Compare bools as words, and shift integers as those with a sign, or without, of the same bits."""
         dtype = arguments[0].dtype
-        if dtype.kind == "f" or OPERATIONS[kind] == "f":
+        kinds = OPERATIONS[kind].kinds
+        if dtype.kind == "f" or kinds == "f":
             raise Untranslatable(f"of {dtype}")
-        other = UINT if dtype == BOOL else np.dtype(f"{OPERATIONS[kind]}{dtype.itemsize}")
+        other = UINT if dtype == BOOL else np.dtype(f"{kinds}{dtype.itemsize}")
         return self.convert(self.apply(kind, *(self.convert(a, other) for a in arguments)), dtype)
 
     def _simpler(self, kind: str, dtype: np.dtype, arguments: tuple[Value, ...]) -> Value | None:
         """Return an equal value that is simpler, if one is known."""
         first, last = arguments[0], arguments[-1]
-        if kind in ("min", "max") or (kind in COMPARISONS and kind not in ("eq", "ne")):
+        if kind in COMPARISONS and first is last and first.dtype.kind in "iu":
+            return self.constant(np.bool_(kind in ("eq", "le", "ge")))
+        if kind in ("min", "max", "lt", "le", "gt", "ge"):
             return self._decide(kind, first, last)
         if kind == "not":
             return first.arguments[0] if first.kind == "not" else None

@@ -12,14 +12,15 @@ from qmcjax.bridges._source._program import BOOL, UINT, Value
 from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lift
 
 
-def _move(move: Callable[..., Entries], *names: str) -> Rule:
-    """Return the rule for a move of the entries of one array, given parameters with these names."""
+def _move(move: Callable[..., Any], *names: str) -> Rule:
+    """Return the rule for a move of entries, a function of arrays and of parameters with these names."""
 
     def apply(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-        del reader
-        shape = equation.made[0].shape
-        moved = move(given[0], *(equation.params[name] for name in names))
-        return [np.asarray(moved).reshape(shape)]
+        if len(given) > 1:
+            given = [lift(reader.builder, entries) for entries in given]
+        moved = move(*given, *(equation.params[name] for name in names))
+        several = moved if len(equation.made) > 1 else [moved]
+        return [np.reshape(each, aval.shape) for each, aval in zip(several, equation.made, strict=True)]
 
     return apply
 
@@ -29,33 +30,11 @@ def _slice(entries: Entries, start_indices: Any, limit_indices: Any, strides: An
     return entries[tuple(map(slice, start_indices, limit_indices, steps))]
 
 
-def _broadcast(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    del reader
-    entries, shape = given[0], equation.made[0].shape
+def _broadcast(entries: Entries, shape: Any, broadcast_dimensions: Any) -> Entries:
     sizes = [1] * len(shape)
-    for axis, place in enumerate(equation.params["broadcast_dimensions"]):
+    for axis, place in enumerate(broadcast_dimensions):
         sizes[place] = entries.shape[axis]
-    return [np.broadcast_to(entries.reshape(sizes), shape)]
-
-
-def _concatenate(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    arrays = [lift(reader.builder, entries) for entries in given]
-    return [np.concatenate(arrays, equation.params["dimension"])]
-
-
-def _stack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    return [np.stack([lift(reader.builder, entries) for entries in given], equation.params["axis"])]
-
-
-def _unstack(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    del reader
-    return [np.asarray(entries) for entries in np.moveaxis(given[0], equation.params["axis"], 0)]
-
-
-def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    del reader
-    ends = np.cumsum(equation.params["sizes"])[:-1]
-    return np.split(given[0], ends, equation.params["axis"])
+    return np.broadcast_to(entries.reshape(sizes), shape)
 
 
 def _pad(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -121,13 +100,17 @@ def _clamp_place(
 
 
 def _dynamic_slice(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    entries, sizes = given[0], equation.params["slice_sizes"]
-    starts = _starts(reader, given[1:], entries.shape, sizes)
+    sizes = equation.params["slice_sizes"]
+    return [_part(reader.builder, given[0], _starts(reader, given[1:], given[0].shape, sizes), sizes)]
+
+
+def _part(builder: Builder, entries: Entries, starts: list[Value], sizes: Sequence[int]) -> Entries:
+    """Return a part of an array, from starts inside on."""
     made = np.empty(sizes, object)
     for offset in np.ndindex(made.shape):
         place = [start + by for start, by in zip(starts, offset, strict=True)]
-        made[offset] = _entry(reader.builder, entries, place)
-    return [made]
+        made[offset] = _entry(builder, entries, place)
+    return made
 
 
 def _starts(reader: Reader, given: list[Entries], shape: Any, sizes: Any) -> list[Value]:
@@ -216,12 +199,8 @@ def _scatter(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
 
 def entry_at(reader: Reader, entries: Entries, number: Value) -> Entries:
     """Return one of the rows of an array, at a uint32 index below their number."""
-    builder = reader.builder
-    made = np.empty(entries.shape[1:], object)
-    for at in np.ndindex(made.shape):
-        place = [number, *(builder.constant(i, UINT) for i in at)]
-        made[at] = _entry(builder, entries, place)
-    return made
+    starts = [number, *[reader.builder.constant(0, UINT)] * (entries.ndim - 1)]
+    return _part(reader.builder, entries, starts, (1, *entries.shape[1:]))[0]
 
 
 RULES: dict[str, Rule] = {
@@ -231,11 +210,13 @@ RULES: dict[str, Rule] = {
     "transpose": _move(np.transpose, "permutation"),
     "rev": _move(np.flip, "dimensions"),
     "tile": _move(np.tile, "reps"),
-    "broadcast_in_dim": _broadcast,
-    "concatenate": _concatenate,
-    "stack": _stack,
-    "unstack": _unstack,
-    "split": _split,
+    "broadcast_in_dim": _move(_broadcast, "shape", "broadcast_dimensions"),
+    "concatenate": _move(lambda *arrays: np.concatenate(arrays[:-1], arrays[-1]), "dimension"),
+    "stack": _move(lambda *arrays: np.stack(arrays[:-1], arrays[-1]), "axis"),
+    "unstack": _move(lambda entries, axis: np.moveaxis(entries, axis, 0), "axis"),
+    "split": _move(
+        lambda entries, sizes, axis: np.split(entries, np.cumsum(sizes)[:-1], axis), "sizes", "axis"
+    ),
     "pad": _pad,
     "copy": _same,
     "stop_gradient": _same,

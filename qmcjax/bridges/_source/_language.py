@@ -1,4 +1,4 @@
-"""Differences between languages: types, constants, operations, declarations."""
+"""Differences between languages: types, constants, declarations; operations are in a table of their own."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -6,33 +6,24 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from qmcjax.bridges._source._operations import OPERATIONS, may_be_nan
 from qmcjax.bridges._source._program import BOOL, FLOAT, INT, UINT, Value
 
-INFIX = {
-    "add": "+",
-    "sub": "-",
-    "mul": "*",
-    "div": "/",
-    "rem": "%",
-    "and": "&",
-    "or": "|",
-    "xor": "^",
-    "eq": "==",
-    "ne": "!=",
-    "lt": "<",
-    "le": "<=",
-    "gt": ">",
-    "ge": ">=",
-    "shift_left": "<<",
-    "shift_right_logical": ">>",
-    "shift_right_arithmetic": ">>",
-}
-_SAME = "abs floor ceil min max sqrt sin cos tan exp log exp2 log2 atan asin acos tanh atan2 pow"
-FUNCTIONS = {name: name for name in _SAME.split()}
-"""Functions with the same name in every language, but for those that a language renames."""
-LOGICAL = {"and": "&&", "or": "||", "xor": "!="}
 RESULT = "u"
 """Name of the array that functions fill: ``point`` and ``sample`` are words of HLSL."""
+
+REVERSE = """\
+#ifndef QMCJAX_REVERSE
+#define QMCJAX_REVERSE
+{head}{kind} qmcjax_reverse({kind} v) {{
+    v = (v << 16u) | (v >> 16u);
+    v = ((v & 16711935u) << 8u) | ((v >> 8u) & 16711935u);
+    v = ((v & 252645135u) << 4u) | ((v >> 4u) & 252645135u);
+    v = ((v & 858993459u) << 2u) | ((v >> 2u) & 858993459u);
+    return ((v & 1431655765u) << 1u) | ((v >> 1u) & 1431655765u);
+}}
+#endif"""
+"""Bits of a word in reverse order, where a language has no instruction for it."""
 
 BRACED = " {kind} {name}[{size}] = {{\n{rows}\n}};"
 """A table of constants, after what says so."""
@@ -45,17 +36,13 @@ class Language:
     """
 
     types: ClassVar[Mapping[np.dtype, str]]
-    functions: ClassVar[Mapping[str, str]]
-    """Names of all functions of numbers: an operation without one is an error."""
+    columns: ClassVar[tuple[str, ...]]
+    """The columns of its texts of operations, the first one first."""
 
     has_64: ClassVar[bool] = False
     """Whether it has 64-bit integers and floats, and tables of 8 and 16 bits."""
-    result: ClassVar[str] = f", {RESULT}"
-    """The array that functions fill, in a call."""
     layout: ClassVar[str] = ""
     """Layout of the words of large tables, which the caller binds."""
-    repeats: ClassVar[frozenset[str]] = frozenset()
-    """Operations that repeat an argument, which should then be short."""
 
     smallest: ClassVar[str] = "int(0x80000000u)"
     """The smallest int32."""
@@ -66,13 +53,14 @@ class Language:
     """The bits of a word."""
     as_integer: ClassVar[str]
     """The bits of a float."""
-    choice: ClassVar[str] = "{condition} ? {if_true} : {if_false}"
     constant: ClassVar[str] = "{kind} {name} = {value};"
     variable: ClassVar[str] = "{kind} {name} = {value};"
     loop: ClassVar[str] = "for (;;) {"
     """The head of a loop that only its inside leaves."""
     unless: ClassVar[str] = "if (!{condition}) break;"
     """Leaves a loop."""
+    infers: ClassVar[bool] = False
+    """Whether integers of a table have the type that its declaration says."""
     array: ClassVar[str] = "const {kind} {name}[{size}] = {kind}[{size}](\n{rows}\n);"
     """A table of constants."""
     structure: ClassVar[str] = "struct {name} {{\n{members}\n}};"
@@ -83,9 +71,19 @@ class Language:
     """A parameter: an array of known size."""
     filled: ClassVar[str] = "out {kind} {name}[{size}]"
     """The parameter of a function that fills it."""
+    returned: ClassVar[str] = ""
+    """The type of an array, if functions return it instead."""
+    nothing: ClassVar[str] = ""
+    """The parameters of a function without parameters."""
+    reference: ClassVar[str] = ""
+    """What precedes an array that is an argument."""
     head_of: ClassVar[str] = "{kind} {name}({parameters})"
     """The head of a function."""
     uninitialized: ClassVar[str] = "{kind} {name};"
+    local: ClassVar[str] = "{kind} {name}[{size}];"
+    """An array, whose entries are set later."""
+    test: ClassVar[str] = ""
+    """Runs the function that checks golden vectors."""
     row: ClassVar[str] = ""
     """A function of many samples of a pixel, for languages in which that is faster than one by one."""
 
@@ -125,21 +123,23 @@ class Language:
             return self.of_bits(value.dtype, text)
         return self.cast.format(kind=self.type(value.dtype), value=text)
 
-    def select(self, condition: str, if_true: str, if_false: str) -> str:
-        return self.choice.format(condition=condition, if_true=if_true, if_false=if_false)
-
     def operation(self, value: Value, *given: str) -> str:
-        kind, dtype = value.kind, value.arguments[0].dtype
-        if kind in ("not", "neg"):
-            return {"not": "!" if dtype == BOOL else "~", "neg": "-"}[kind] + given[0]
-        if dtype == BOOL and kind in LOGICAL:
-            return f"{given[0]} {LOGICAL[kind]} {given[1]}"
-        if kind in INFIX and not (dtype.kind == "f" and kind == "rem"):
-            return f"{given[0]} {INFIX[kind]} {given[1]}"
-        return self.function(kind, dtype, *given)
+        dtype = value.arguments[0].dtype
+        if self.has_64 and value.kind in ("min", "max") and any(map(may_be_nan, value.arguments)):
+            test, last, first = _with_nan(value, *given)
+            return OPERATIONS["select"].text(self.columns, "").format(test, last, first)
+        text = OPERATIONS[value.kind].text(self.columns, dtype.kind)
+        if text.isidentifier():
+            return f"{self.function(text, dtype)}({', '.join(given)})"
+        return (text if "{" in text else f"{{0}} {text} {{1}}").format(*given)
 
-    def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        return f"{self.functions[kind]}({', '.join(given)})"
+    def function(self, name: str, dtype: np.dtype) -> str:
+        """Return the name of a function of a dtype."""
+        return name
+
+    def entry(self, name: str, index: str) -> str:
+        """Return an entry of a table."""
+        return f"{name}[{index}]"
 
     def declare(self, dtype: np.dtype, name: str, value: str, changes: bool = False) -> str:
         template = self.variable if changes else self.constant
@@ -157,27 +157,42 @@ class Language:
         return (self.scalars if size is None else self.arrays).format(kind=kind, name=name, size=size)
 
     def returning(self, kind: str, name: str, parameters: Sequence[str], inside: Sequence[str]) -> str:
-        head = self.head_of.format(kind=kind, name=name, parameters=", ".join(parameters))
+        head = self.head_of.format(kind=kind, name=name, parameters=", ".join(parameters) or self.nothing)
         return "\n".join([f"{head} {{", *(f"    {line}" for line in inside), "}"])
 
     def filling(
         self, name: str, parameters: Sequence[str], size: int, inside: Sequence[str], kind: str
     ) -> str:
-        """Return a function that fills an array of a type."""
+        """Return a function that fills an array of a type, or returns it."""
+        if self.returned:
+            if not inside[-1].startswith("return"):
+                array = self.local.format(kind=kind, name=RESULT, size=size)
+                inside = [array, *inside, f"return {RESULT};"]
+            return self.returning(self.returned.format(kind=kind, size=size), name, parameters, inside)
         filled = self.filled.format(kind=kind, name=RESULT, size=size)
         return self.returning("void", name, [*parameters, filled], inside)
 
-    def local(self, kind: str, name: str) -> str:
-        return self.uninitialized.format(kind=kind, name=name)
-
     def call(self, name: str, given: Sequence[str]) -> str:
-        """Return the call of a function that fills the array that this one fills."""
+        """Return the call of a function that fills the array that this one fills, or returns."""
+        if self.returned:
+            return f"return {name}({', '.join(given)});"
         return f"{name}({', '.join([*given, RESULT])});"
+
+
+def _with_nan(value: Value, first: str, last: str) -> tuple[str, str, str]:
+    """Return a minimum or maximum that is NaN if one of two floats is: a test, and what it selects from."""
+    one, other = map(may_be_nan, value.arguments)
+    if not one:
+        first, last = last, first
+    test = f"{last} < {first}" if value.kind == "min" else f"{last} >= {first}"
+    return f"{test}{f' || {last} != {last}' * (one and other)}", last, first
 
 
 def rows(language: Language, entries: NDArray[Any]) -> str:
     lines, line = [], "   "
-    if entries.dtype.kind == "u":
+    if language.infers and entries.dtype.kind != "f":
+        texts = [f"{entry}," for entry in entries]
+    elif entries.dtype.kind == "u":
         end = language.literal(entries.dtype.type(0))[1:]
         texts = [f"{number}{end}," for number in entries.tolist()]
     else:

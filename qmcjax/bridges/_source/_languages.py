@@ -1,4 +1,4 @@
-"""The languages: C99, C++ and CUDA; GLSL, HLSL and WGSL."""
+"""The languages of processors, whose tables are in the text: C99, which is C++, CUDA and Metal; Rust."""
 
 import re
 from collections.abc import Sequence
@@ -6,18 +6,31 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from qmcjax.bridges._source._language import BRACED, FUNCTIONS, INFIX, LOGICAL, RESULT, Language
-from qmcjax.bridges._source._operations import interval, may_be_nan
+from qmcjax.bridges._source._language import BRACED, RESULT, REVERSE, Language
+from qmcjax.bridges._source._operations import FUNCTIONS, OPERATIONS, interval
 from qmcjax.bridges._source._program import BOOL, DOUBLE, FLOAT, INT, LONG, UINT, ULONG, Value
+
+_MATH = re.compile(
+    rf"\b({'|'.join((*FUNCTIONS, 'fabs', 'floor', 'ceil', 'rint', 'fmod'))})f?\(|\bNAN\b|\bINFINITY\b"
+)
+"""What ``<math.h>`` has."""
 
 _WRAPPING = ("add", "sub", "mul", "shift_left")
 
 _INLINE = """\
 #ifndef QMCJAX_INLINE
 #ifdef __GNUC__
-#define QMCJAX_INLINE static inline __attribute__((always_inline))
+#define QMCJAX_INLINE static inline __attribute__((always_inline, unused))
 #else
 #define QMCJAX_INLINE static inline
+#endif
+#endif
+
+#ifndef QMCJAX_TABLE
+#ifdef __GNUC__
+#define QMCJAX_TABLE static __attribute__((unused))
+#else
+#define QMCJAX_TABLE static
 #endif
 #endif
 
@@ -41,18 +54,19 @@ itself is not: knowing the first sample, it would compute parts of the next one 
 Indices of tables that are assumed not to wrap are places in a row, which are loaded at once.
 """
 
-_REVERSE = """\
-#ifndef QMCJAX_REVERSE
-#define QMCJAX_REVERSE
-{head}{kind} qmcjax_reverse({kind} v) {{
-    v = (v << 16u) | (v >> 16u);
-    v = ((v & 16711935u) << 8u) | ((v >> 8u) & 16711935u);
-    v = ((v & 252645135u) << 4u) | ((v >> 4u) & 252645135u);
-    v = ((v & 858993459u) << 2u) | ((v >> 2u) & 858993459u);
-    return ((v & 1431655765u) << 1u) | ((v >> 1u) & 1431655765u);
-}}
+_COPY = """\
+#ifndef QMCJAX_COPY
+#ifdef __GNUC__
+#define QMCJAX_COPY __builtin_memcpy
+#else
+#include <string.h>
+#define QMCJAX_COPY memcpy
+#endif
 #endif"""
-"""Bits of a word in reverse order, where a language has no instruction for it."""
+"""Freestanding compilers have no header for it."""
+
+_ALLOWED = "#[allow(nonstandard_style, unused, clippy::all)]\n"
+"""Precedes each item of Rust."""
 
 _CASTS = {
     f"qmcjax_as_{name}": f"""\
@@ -60,7 +74,7 @@ _CASTS = {
 #define QMCJAX_AS_{name.upper()}
 static inline {to} qmcjax_as_{name}({of} value) {{
     {to} bits;
-    memcpy(&bits, &value, sizeof bits);
+    QMCJAX_COPY(&bits, &value, sizeof bits);
     return bits;
 }}
 #endif"""
@@ -84,15 +98,8 @@ class C(Language):
         DOUBLE: "double",
         **{np.dtype(f"{kind}int{bits}"): f"{kind}int{bits}_t" for kind in ("", "u") for bits in (8, 16)},
     }
-    functions: ClassVar = {
-        **FUNCTIONS,
-        "abs": "fabs",
-        "rem": "fmod",
-        "round_even": "rint",
-        "reverse": "qmcjax_reverse",
-    }
+    columns: ClassVar = ("c", "any")
     has_64: ClassVar = True
-    repeats: ClassVar = frozenset(("min", "max"))
     smallest: ClassVar = "(-2147483647 - 1)"
     suffix: ClassVar = "f"
     cast: ClassVar = "({kind}){value}"
@@ -106,10 +113,11 @@ class C(Language):
     }
     """The bits of an integer as a float, or of a float as an integer."""
     constant: ClassVar = "const {kind} {name} = {value};"
-    array: ClassVar = f"static const{BRACED}"
+    array: ClassVar = f"QMCJAX_TABLE const{BRACED}"
     structure: ClassVar = "typedef struct {{\n{members}\n}} {name};"
     arrays: ClassVar = "const {kind} {name}[{size}]"
     filled: ClassVar = "{kind} {name}[{size}]"
+    nothing: ClassVar = "void"
     head_of: ClassVar = "QMCJAX_INLINE {kind} {name}({parameters})"
     row: ClassVar = f"""\
 QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
@@ -138,12 +146,13 @@ QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
 
     def head(self, text: str) -> str:
         casts = [cast for cast in _CASTS if f"{cast}(" in text]
-        lines = ["#include <math.h>", "#include <stddef.h>", "#include <stdint.h>"] + [
-            "#include <string.h>"
-        ] * bool(casts)
-        parts = ["\n".join(lines), _INLINE, *(_CASTS[cast] for cast in casts)]
+        lines = ["#include <math.h>"] * bool(_MATH.search(text)) + [
+            "#include <stddef.h>",
+            "#include <stdint.h>",
+        ]
+        parts = ["\n".join(lines), _INLINE, *[_COPY] * bool(casts), *(_CASTS[cast] for cast in casts)]
         if "qmcjax_reverse(" in text:
-            parts.append(_REVERSE.format(head="QMCJAX_INLINE ", kind="uint32_t"))
+            parts.append(REVERSE.format(head="QMCJAX_INLINE ", kind="uint32_t"))
         return "\n\n".join(parts)
 
     def operation(self, value: Value, *given: str) -> str:
@@ -152,18 +161,11 @@ QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
             # Signed integers must not overflow in C.
             unsigned = self.type(np.dtype(f"u{dtype.itemsize}"))
             first, last = (f"({unsigned}){text}" for text in given)
-            return f"({self.type(dtype)})({first} {INFIX[kind]} {last})"
-        if kind in ("min", "max") and any(map(may_be_nan, value.arguments)):
-            return _with_nan(value, *given)
-        if value.arguments[0].dtype == BOOL and kind in LOGICAL:
-            return f"{given[0]} {INFIX[kind]} {given[1]}"
+            return f"({self.type(dtype)})({first} {OPERATIONS[kind].texts['any']} {last})"
         return super().operation(value, *given)
 
-    def function(self, kind: str, dtype: np.dtype, *given: str) -> str:
-        if kind in ("min", "max"):
-            return f"{given[0]} {'<' if kind == 'min' else '>'} {given[1]} ? {given[0]} : {given[1]}"
-        end = "f" if dtype == FLOAT else ""
-        return f"{self.functions[kind]}{end}({', '.join(given)})"
+    def function(self, name: str, dtype: np.dtype) -> str:
+        return f"{name}f" if dtype == FLOAT else name
 
     def returning(self, kind: str, name: str, parameters: Sequence[str], inside: Sequence[str]) -> str:
         words = set(re.findall(r"\w+", "\n".join(inside)))
@@ -175,7 +177,7 @@ QMCJAX_ROW void {{name}}_row({{parameters}}, float *{RESULT}) {{{{{{known}}
 class Cuda(C):
     """CUDA C++, for device code."""
 
-    functions: ClassVar = {**C.functions, "reverse": "__brev"}
+    columns: ClassVar = ("cuda", *C.columns)
     casts: ClassVar = {
         FLOAT: "__uint_as_float({value})",
         UINT: "__float_as_uint({value})",
@@ -192,114 +194,98 @@ class Cuda(C):
         return "#include <stdint.h>"
 
 
-def _with_nan(value: Value, first: str, last: str) -> str:
-    """Return a minimum or maximum that is NaN if one of two floats is."""
-    one, other = map(may_be_nan, value.arguments)
-    if not one:
-        first, last = last, first
-    test = f"{last} < {first}" if value.kind == "min" else f"{last} >= {first}"
-    return f"{test}{f' || {last} != {last}' * (one and other)} ? {last} : {first}"
-
-
 def _may_wrap(value: Value) -> bool:
     low, high = interval(value) or (0, 0)
     return (low, high) == (int(np.iinfo(value.dtype).min), int(np.iinfo(value.dtype).max))
 
 
-COLUMNS = 1024
-"""Columns of a texture of words in GLSL."""
-
-
-class Shader(Language):
-    """A language in which large tables are words that the caller binds, instead of text."""
-
-    binding: ClassVar[str]
-    """An array of words that the caller binds."""
-    bound: ClassVar[str] = "{name}[{index}]"
-    """One of these words."""
-
-    repeats: ClassVar = frozenset(("rem",))
-
-    def operation(self, value: Value, *given: str) -> str:
-        if value.kind == "rem" and value.dtype != UINT:
-            # GLSL and HLSL leave % of negative integers undefined, and compilers of HLSL differ in fmod.
-            whole = f"{given[0]} / {given[1]}"
-            return f"{given[0]} - {given[1]} * {'trunc' * (value.dtype == FLOAT)}({whole})"
-        return super().operation(value, *given)
-
-    def from_word(self, dtype: np.dtype, word: str) -> str:
-        return self.of_bits(dtype, word) if dtype == FLOAT else f"{self.type(dtype)}({word})"
-
-
-class Glsl(Shader):
-    """GLSL ES 3.00, and GLSL 3.30."""
+class Metal(Language):
+    """Metal Shading Language, which has no floats of 64 bits, and no tables that a function finds bound."""
 
     types: ClassVar = {UINT: "uint", INT: "int", FLOAT: "float", BOOL: "bool"}
-    functions: ClassVar = FUNCTIONS | {
-        "round_even": "roundEven",
-        "atan2": "atan",
-        "reverse": "qmcjax_reverse",
-    }
-    layout: ClassVar = f", in rows of {COLUMNS} texels R32UI"
-    as_float: ClassVar = "uintBitsToFloat({value})"
-    as_integer: ClassVar = "floatBitsTo{Kind}({value})"
-    binding: ClassVar = f"""\
-uniform highp usampler2D {{name}};
-
-uint {{name}}_word(uint i) {{{{
-    return texelFetch({{name}}, ivec2(i % {COLUMNS}u, i / {COLUMNS}u), 0).r;
-}}}}"""
-    bound: ClassVar = "{name}_word({index})"
+    columns: ClassVar = ("metal", "any")
+    suffix: ClassVar = "f"
+    as_float: ClassVar = "as_type<float>({value})"
+    as_integer: ClassVar = "as_type<{kind}>({value})"
+    array: ClassVar = f"constant{BRACED}"
+    filled: ClassVar = "thread {kind} (&{name})[{size}]"
+    head_of: ClassVar = "static inline {kind} {name}({parameters})"
 
     def head(self, text: str) -> str:
-        return _REVERSE.format(head="", kind="uint") if "qmcjax_reverse(" in text else ""
+        return "#include <metal_stdlib>\nusing namespace metal;"
+
+    def parameter(self, kind: str, name: str, size: int | None = None) -> str:
+        if size is None:
+            return f"{kind} {name}"
+        return f"constant {kind} *{name}" if kind == "uint" else f"thread const {kind} *{name}"
 
 
-class Hlsl(Shader):
-    """HLSL, Shader Model 4 and later."""
+class Rust(Language):
+    """Rust of 2018 and later, safe; without the standard library where no function of floats is used."""
 
-    types: ClassVar = Glsl.types
-    functions: ClassVar = FUNCTIONS | {"round_even": "round", "reverse": "reversebits"}
-    as_float: ClassVar = "asfloat({value})"
-    as_integer: ClassVar = "as{kind}({value})"
-    array: ClassVar = f"static const{BRACED}"
-    binding: ClassVar = "StructuredBuffer<uint> {name} : register(t0, space1);"
-
-
-class Wgsl(Shader):
-    types: ClassVar = {UINT: "u32", INT: "i32", FLOAT: "f32", BOOL: "bool"}
-    functions: ClassVar = FUNCTIONS | {"round_even": "round", "reverse": "reverseBits"}
-    smallest: ClassVar = "i32(-2147483648)"
-    result: ClassVar = ""
-    suffix: ClassVar = "f"
-    as_float: ClassVar = "bitcast<{kind}>({value})"
-    as_integer: ClassVar = as_float
-    choice: ClassVar = "select({if_false}, {if_true}, {condition})"
+    types: ClassVar = {
+        **{
+            np.dtype(f"{kind}{bits}"): f"{kind[0]}{bits}"
+            for kind in ("int", "uint")
+            for bits in (8, 16, 32, 64)
+        },
+        FLOAT: "f32",
+        DOUBLE: "f64",
+        BOOL: "bool",
+    }
+    columns: ClassVar = ("rust", "any")
+    infers: ClassVar = True
+    has_64: ClassVar = True
+    cast: ClassVar = "{value} as {kind}"
+    casts: ClassVar = {
+        FLOAT: "f32::from_bits({value} as u32)",
+        UINT: "{value}.to_bits()",
+        INT: "({value}.to_bits() as i32)",
+        DOUBLE: "f64::from_bits({value} as u64)",
+        ULONG: "{value}.to_bits()",
+        LONG: "({value}.to_bits() as i64)",
+    }
     constant: ClassVar = "let {name} = {value};"
-    variable: ClassVar = "var {name} = {value};"
+    variable: ClassVar = "let mut {name} = {value};"
     loop: ClassVar = "loop {"
-    unless: ClassVar = "if (!{condition}) {{ break; }}"
-    array: ClassVar = "const {name} = array<{kind}, {size}>(\n{rows}\n);"
-    structure: ClassVar = "struct {name} {{\n{members}\n}}"
-    member: ClassVar = "{name}: {kind},"
+    unless: ClassVar = "if !{condition} {{ break; }}"
+    array: ClassVar = f"{_ALLOWED}pub static {{name}}: [{{kind}}; {{size}}] = [\n{{rows}}\n];"
+    structure: ClassVar = (
+        f"{_ALLOWED}#[derive(Clone, Copy, Default)]\npub struct {{name}} {{{{\n{{members}}\n}}}}"
+    )
+    member: ClassVar = "pub {name}: {kind},"
     scalars: ClassVar = "{name}: {kind}"
-    arrays: ClassVar = "{name}: array<{kind}, {size}>"
-    head_of: ClassVar = "fn {name}({parameters}) -> {kind}"
-    uninitialized: ClassVar = "var {name}: {kind};"
-    binding: ClassVar = "@group(1) @binding(0) var<storage, read> {name}: array<u32>;"
+    arrays: ClassVar = "{name}: &[{kind}; {size}]"
+    returned: ClassVar = "[{kind}; {size}]"
+    reference: ClassVar = "&"
+    head_of: ClassVar = f"{_ALLOWED}#[inline(always)]\npub fn {{name}}({{parameters}}) -> {{kind}}"
+    uninitialized: ClassVar = "let mut {name} = {kind}::default();"
+    local: ClassVar = "let mut {name} = [0 as {kind}; {size}];"
+    test: ClassVar = (
+        f"{_ALLOWED}#[test]\nfn {{name}}_is_right() {{{{\n    assert_eq!({{name}}_check(), 0);\n}}}}"
+    )
 
-    def operation(self, value: Value, *given: str) -> str:
-        if value.kind.startswith("shift") and value.dtype == INT:
-            return super().operation(value, given[0], f"u32({given[1]})")
-        return super().operation(value, *given)
+    def literal(self, known: Any) -> str:
+        if known.dtype == BOOL:
+            return "true" if known else "false"
+        kind = self.type(known.dtype)
+        if known.dtype.kind == "u":
+            return f"{known}{kind}"
+        if known.dtype.kind == "i":
+            return f"{kind}::MIN" if known == np.iinfo(known.dtype).min else f"({known}{kind})"
+        if not np.isfinite(known):
+            return (
+                f"{kind}::NAN"
+                if known != known
+                else f"{kind}::INFINITY"
+                if known > 0
+                else f"(-{kind}::INFINITY)"
+            )
+        text = super().literal(known)
+        return f"{text[:-1]}{kind})" if text.startswith("(") else f"{text}{kind}"
 
-    def filling(
-        self, name: str, parameters: Sequence[str], size: int, inside: Sequence[str], kind: str
-    ) -> str:
-        whole = f"array<{kind}, {size}>"
-        if not inside[-1].startswith("return"):
-            inside = [self.local(whole, RESULT), *inside, f"return {RESULT};"]
-        return self.returning(whole, name, parameters, inside)
+    def of_bits(self, dtype: np.dtype, value: str) -> str:
+        return self.casts[dtype].format(value=value)
 
-    def call(self, name: str, given: Sequence[str]) -> str:
-        return f"return {name}({', '.join(given)});"
+    def entry(self, name: str, index: str) -> str:
+        return f"{name}[{index} as usize]"

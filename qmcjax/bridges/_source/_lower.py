@@ -7,6 +7,7 @@ import numpy as np
 
 from qmcjax.bridges._source._builder import Builder
 from qmcjax.bridges._source._errors import source_line
+from qmcjax.bridges._source._operations import OPERATIONS
 from qmcjax.bridges._source._program import (
     DOUBLE,
     FLOAT,
@@ -91,8 +92,7 @@ class _Lowering:
             return self.two(value.arguments[0])
         if value.kind == "convert":
             return self._convert(value.arguments[0], value.dtype) or self._refuse(value)
-        operate = self._of_floats if value.arguments[0].dtype == DOUBLE else self._of_integers
-        found = operate(value) if value.arguments[0].dtype in (DOUBLE, ULONG) else None
+        found = self._operate(value) if value.arguments[0].dtype in (DOUBLE, ULONG) else None
         return found if found is not None else self._refuse(value)
 
     def _refuse(self, value: Value) -> Lowered:
@@ -154,32 +154,14 @@ class _Lowering:
         negative = (a[0] & 1 << 31).apply("ne", 0)
         return self.builder.convert(self.builder.select(negative, 0 - size, size), INT)
 
-    def _of_integers(self, value: Value) -> Lowered | None:
-        words, kind = self.words, value.kind
-        a, b = self.two(value.arguments[0]), self.two(value.arguments[-1])
-        two = {"add": words.add, "sub": words.sub, "mul": words.mul}
-        if kind in two:
-            return two[kind](a, b)
-        if kind in ("and", "or", "xor"):
-            return a[0].apply(kind, b[0]), a[1].apply(kind, b[1])
-        if kind == "not":
-            return ~a[0], ~a[1]
-        if kind in ("div", "rem"):
-            return words.divide(a, b)[0 if kind == "div" else 1]
-        if kind in ("shift_left", "shift_right_logical"):
-            return (words.left if kind == "shift_left" else words.right)(a, b[1])
-        return self._compare(kind, words.less, a, b)
-
-    def _of_floats(self, value: Value) -> Lowered | None:
-        floats, kind = self.floats, value.kind
-        a, b = self.two(value.arguments[0]), self.two(value.arguments[-1])
-        two = {"add": floats.add, "mul": floats.mul, "div": floats.div}
-        if kind in two:
-            return two[kind](a, b)
-        if kind == "sub":
-            return floats.add(a, floats.neg(b))
-        one = {"neg": floats.neg, "floor": floats.floor, "ceil": floats.ceil, "sqrt": floats.sqrt}
-        return one[kind](a) if kind in one else self._compare(kind, floats.less, a, b)
+    def _operate(self, value: Value) -> Lowered | None:
+        kind, row, given = value.kind, OPERATIONS[value.kind], [self.two(each) for each in value.arguments]
+        if row.kinds == "iub":
+            upper, lower = (first.apply(kind, *others) for first, *others in zip(*given, strict=True))
+            return upper, lower
+        of = self.floats if value.arguments[0].dtype == DOUBLE else self.words
+        method = getattr(of, row.texts.get("python", kind), None)
+        return method(*given) if method else self._compare(kind, of.less, given[0], given[-1])
 
     def _compare(self, kind: str, less: Callable[[Pair, Pair], Value], a: Pair, b: Pair) -> Lowered | None:
         if kind in ("max", "gt", "le"):

@@ -10,7 +10,6 @@ import numpy as np
 
 from qmcjax.bridges._source._builder import widen
 from qmcjax.bridges._source._errors import Untranslatable
-from qmcjax.bridges._source._operations import FUNCTIONS
 from qmcjax.bridges._source._program import UINT, Value
 from qmcjax.bridges._source._reader import Entries, Equation, Reader, Rule, lift
 
@@ -23,15 +22,6 @@ def _of_entries(make: Callable[..., Value], *names: str) -> Rule:
         return [reader.map(lambda *values: make(*values, *chosen), equation.made[0].dtype, *given)]
 
     return apply
-
-
-def _function(kind: str) -> Rule:
-    return _of_entries(lambda value, *others: value.apply(kind, *others))
-
-
-def _convert(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
-    dtype = np.dtype(equation.made[0].dtype)
-    return [reader.map(lambda value: reader.builder.convert(value, dtype), dtype, given[0])]
 
 
 def _bitcast(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -164,8 +154,9 @@ def _dot(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[E
 
 
 RULES: dict[str, Rule] = {
-    **{kind: _function(kind) for kind in FUNCTIONS},
-    "convert_element_type": _convert,
+    "convert_element_type": _of_entries(
+        lambda value, dtype: value.builder.convert(value, np.dtype(dtype)), "new_dtype"
+    ),
     "bitcast_convert_type": _bitcast,
     "select_n": _select_n,
     "clamp": _of_entries(lambda low, value, high: value.apply("max", low).apply("min", high)),

@@ -177,14 +177,18 @@ class Program:
 
     def reached(self) -> set[Value]:
         """Return all values that the outputs depend on, inputs and constants included."""
-        seen: set[Value] = set()
-        stack = list(self.outputs)
-        while stack:
-            value = stack.pop()
-            if value not in seen:
-                seen.add(value)
-                stack += value.needed()
-        return seen
+        return _reached(self.outputs)
+
+
+def _reached(outputs: Iterable[Value]) -> set[Value]:
+    seen: set[Value] = set()
+    stack = list(outputs)
+    while stack:
+        value = stack.pop()
+        if value not in seen:
+            seen.add(value)
+            stack += value.needed()
+    return seen
 
 
 def _computed(statements: Iterable[Statement]) -> Iterator[Value]:
@@ -208,7 +212,11 @@ class _Schedule:
         self.statements: list[Statement] = []
         self._blocks: dict[Loop | None, list[Statement]] = {None: self.statements}
         self._placed: set[Value | Loop] = set()
-        self._used = _used_variables(outputs)
+        self._used: dict[Loop, set[int]] = {}
+        """The numbers of the variables of each loop that outputs or conditions depend on."""
+        for value in _reached(outputs):
+            if value.loop is not None:
+                self._used.setdefault(value.loop, set()).add(value.detail)
         for value in outputs:
             self._place(value)
 
@@ -244,19 +252,3 @@ class _Schedule:
         for number in kept:
             self._place(loop.following[number])
         self._blocks[loop.around].append(Repeat(loop, kept, head, body))
-
-
-def _used_variables(outputs: Iterable[Value]) -> dict[Loop, set[int]]:
-    """Return the numbers of the variables of each loop that outputs or conditions depend on."""
-    used: dict[Loop, set[int]] = {}
-    seen: set[Value] = set()
-    stack = list(outputs)
-    while stack:
-        value = stack.pop()
-        if value in seen:
-            continue
-        seen.add(value)
-        stack += value.needed()
-        if value.loop is not None:
-            used.setdefault(value.loop, set()).add(value.detail)
-    return used

@@ -14,7 +14,7 @@ from qmcjax.bridges._source._builder import Builder, widen
 from qmcjax.bridges._source._errors import refused
 from qmcjax.bridges._source._operations import limits_of
 from qmcjax.bridges._source._program import UINT, ULONG, Program, Value, schedule
-from qmcjax.bridges._source._reader import Entries, Key, Reader, as_keys, lift, words
+from qmcjax.bridges._source._reader import Entries, Key, Reader, as_keys, each, lift, words
 from qmcjax.bridges._source._seeds import Seeded
 from qmcjax.core.checks import INDEX_LIMIT
 from qmcjax.samplers import Sampler
@@ -167,16 +167,12 @@ def _put(builder: Builder, entries: Entries, known: dict[Value, Value]) -> Entri
     if entries.dtype != object:
         return entries
 
-    def value(old: Value) -> Value:
+    def put(old: Any) -> Any:
+        if isinstance(old, Key):
+            return Key((put(old.words[0]), put(old.words[1])))
         return builder.constant(old.detail) if old.kind == "constant" else known[old]
 
-    made = np.empty(entries.shape, object)
-    for place in np.ndindex(entries.shape):
-        entry = entries[place]
-        made[place] = (
-            Key((value(entry.words[0]), value(entry.words[1]))) if isinstance(entry, Key) else value(entry)
-        )
-    return made
+    return each(put, entries)
 
 
 _WORD = jax.ShapeDtypeStruct((), np.uint32)
@@ -228,8 +224,3 @@ class SamplerPrograms:
             return padding_pair(state[1], pair, sample)
 
         return self.prepared.then(points, _WORD, _WORD)
-
-
-def first_of(program: Program) -> Program:
-    """Return the program of only the first output."""
-    return schedule(program.inputs, program.outputs[:1])

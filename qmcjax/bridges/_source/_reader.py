@@ -10,7 +10,7 @@ import numpy as np
 
 from qmcjax.bridges._source._builder import Builder, widen
 from qmcjax.bridges._source._errors import ADVICE, Untranslatable, source_line
-from qmcjax.bridges._source._operations import COMPARISONS, FOLDED
+from qmcjax.bridges._source._operations import COMPARISONS, OPERATIONS
 from qmcjax.bridges._source._program import DTYPES, Value
 from qmcjax.core import checks
 
@@ -71,12 +71,18 @@ class Key:
     words: tuple[Value, Value]
 
 
+def each(function: Callable[..., Any], *given: Entries) -> Entries:
+    """Return the results of a function of the entries of arrays, broadcast together."""
+    arrays = np.broadcast_arrays(*given)
+    made = np.empty(arrays[0].shape, object)
+    for place in np.ndindex(made.shape):
+        made[place] = function(*(array[place] for array in arrays))
+    return made
+
+
 def as_keys(pairs: Entries) -> Entries:
     """Return an array of keys from its words, shape (..., 2)."""
-    made = np.empty(pairs.shape[:-1], object)
-    for place in np.ndindex(made.shape):
-        made[place] = Key(tuple(pairs[place]))
-    return made
+    return each(lambda *pair: Key(pair), pairs[..., 0], pairs[..., 1])
 
 
 def words(entries: Entries) -> list[Value]:
@@ -90,10 +96,7 @@ def lift(builder: Builder, entries: Entries) -> Entries:
         return entries
     if entries.size > MOST_ENTRIES:
         raise Untranslatable(f"arithmetic on a table of shape {entries.shape} with values that vary")
-    made = np.empty(entries.shape, object)
-    for place in np.ndindex(entries.shape):
-        made[place] = builder.constant(entries[place])
-    return made
+    return each(builder.constant, entries)
 
 
 class Reader:
@@ -123,7 +126,7 @@ class Reader:
     def _equation(self, equation: Any, given: list[Entries]) -> Sequence[Entries]:
         name, around = equation.primitive.name, self.builder.origin
         apply = self.rules.get(name)
-        if apply is None and name in FOLDED:
+        if apply is None and name in OPERATIONS:
             apply = elementwise
         if all(entries.dtype != object for entries in given) and name not in CALLS:
             return [self.known(result) for result in _evaluate(equation, given)]
@@ -149,11 +152,8 @@ class Reader:
 
     def map(self, function: Callable[..., Value], dtype: Any, *given: Entries) -> Entries:
         """Apply a function of values to the entries of arrays, wrapped to the dtype of 8 or 16 bits."""
-        arrays = np.broadcast_arrays(*(lift(self.builder, entries) for entries in given))
-        made = np.empty(arrays[0].shape, object)
-        for place in np.ndindex(made.shape):
-            made[place] = self._wrap(function(*(array[place] for array in arrays)), np.dtype(dtype))
-        return made
+        arrays = (lift(self.builder, entries) for entries in given)
+        return each(lambda *values: self._wrap(function(*values), np.dtype(dtype)), *arrays)
 
     def _wrap(self, value: Value, dtype: np.dtype) -> Value:
         if dtype.kind not in "iu" or dtype.itemsize >= 4:
@@ -207,16 +207,14 @@ def simplify(entries: Entries) -> Entries:
     return np.array([value.detail for value in flat], flat[0].dtype).reshape(entries.shape)
 
 
-_BY_NUMPY = frozenset(FOLDED) - {"div", "rem"}
-"""Operations that NumPy does at once, with the results of JAX, which compiles each of them first."""
-
-
 def _evaluate(equation: Any, given: list[Entries]) -> Sequence[Any]:
     """Return the results of JAX for known arrays."""
     name = equation.primitive.name
-    if name in _BY_NUMPY and len({entries.shape for entries in given}) == 1:
+    row = OPERATIONS.get(name) if name not in ("div", "rem") else None
+    # NumPy has the results of JAX at once, which compiles each operation first.
+    if row and row.fold and len({entries.shape for entries in given}) == 1:
         with np.errstate(all="ignore"):
-            return [np.asarray(FOLDED[name](*given))]
+            return [np.asarray(row.fold(*given))]
     with jax.ensure_compile_time_eval(), jax.enable_x64(True):
         results = equation.primitive.bind(*given, **equation.params)
     return results if equation.primitive.multiple_results else [results]

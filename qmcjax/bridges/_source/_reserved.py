@@ -109,6 +109,30 @@ _RESERVED = {
     """
     + _SPELLED,
 }
+_RESERVED |= {
+    "Metal": _SPELLED
+    + _CPP
+    + _NUMERIC
+    + r"""
+        as_type (bool|u?char|u?short|u?int|u?long|half|float|bfloat)([234](x[234])?)? u?int(8|16|32|64)_t
+        access array(_ref)? atomic\w* constant constexpr (depth|texture|sampler|visible|intersection)\w*
+        device fragment fmod fract kernel metal object_data packed_\w+ popcount rsqrt reverse_bits rint
+        saturate select simd\w* size_t thread(group\w*|s_per\w+)? uint vec vertex quad\w* mesh ray_data main
+    """,
+    "Rust": r"""
+        abstract as async await become box break const continue crate do dyn else enum extern false final fn
+        for gen if impl in let loop macro match mod move mut override priv pub ref return [Ss]elf static
+        struct super trait true try type typeof union unsafe unsized use virtual where while yield main
+    """,
+}
+_RESERVED["Slang"] = (
+    _RESERVED["HLSL"]
+    + r"""
+    associatedtype bwd_diff each enum expand extension func fwd_diff get implementing import is let module
+    no_diff none operator property require set some spirv_asm This Tuple Optional ParameterBlock
+    ConstantBuffer RaytracingAccelerationStructure uint var where
+"""
+)
 _PATTERNS = {language: re.compile("|".join(words.split())) for language, words in _RESERVED.items()}
 
 

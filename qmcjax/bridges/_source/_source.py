@@ -8,12 +8,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from qmcjax.bridges._source import _vectors
 from qmcjax.bridges._source._language import RESULT, Language
-from qmcjax.bridges._source._languages import C, Cuda, Glsl, Hlsl, Wgsl
+from qmcjax.bridges._source._languages import C, Cuda, Metal, Rust
 from qmcjax.bridges._source._program import FLOAT, UINT
 from qmcjax.bridges._source._read import SamplerPrograms, read, trace
 from qmcjax.bridges._source._reserved import reserving
 from qmcjax.bridges._source._seeds import Seeded, noun, padding_words
+from qmcjax.bridges._source._shaders import Glsl, Hlsl, Slang, Wgsl
 from qmcjax.bridges._source._writer import Source, Writer
 from qmcjax.core import checks
 from qmcjax.core.plug_ins import is_own, unwrap
@@ -37,7 +39,16 @@ FLOATS = (
 """The promise of scenes."""
 
 
-LANGUAGES: dict[str, Language] = {"c": C(), "glsl": Glsl(), "wgsl": Wgsl(), "hlsl": Hlsl(), "cuda": Cuda()}
+LANGUAGES: dict[str, Language] = {
+    "c": C(),
+    "glsl": Glsl(),
+    "wgsl": Wgsl(),
+    "hlsl": Hlsl(),
+    "cuda": Cuda(),
+    "metal": Metal(),
+    "slang": Slang(),
+    "rust": Rust(),
+}
 
 _WORD = jax.ShapeDtypeStruct((), np.uint32)
 
@@ -50,6 +61,7 @@ def source(
     width: int | None = None,
     height: int | None = None,
     spp: int | None = None,
+    vectors: int = 0,
 ) -> Source:
     """Translate a sampler, a sequence, an order or a scene into source code.
 
@@ -59,8 +71,8 @@ def source(
         It must consist of JAX operations on 32-bit integers and floats.
     dims : tuple of int, optional
         The coordinates of a sampler or sequence, all for None.
-    language : {"c", "glsl", "wgsl", "hlsl", "cuda"}
-        C99, which is C++ as well; GLSL ES 3.00; WGSL; HLSL; CUDA C++ for device code.
+    language : {"c", "glsl", "wgsl", "hlsl", "cuda", "metal", "slang", "rust"}
+        C99, which is C++ as well; GLSL ES 3.00; WGSL; HLSL; CUDA C++ for device code; Metal; Slang; Rust.
     name : str
         An identifier that no language reserves. The names of all functions, types and tables begin with it.
     width, height : int, optional
@@ -68,6 +80,10 @@ def source(
     spp : int, optional
         The number of samples per pixel, checked likewise. The program is specialised to this size and number
         of samples: it may be shorter, with the same bits.
+    vectors : int, in [0, 65536]
+        With 2 or more, the text has so many golden vectors: inputs and their results in a table,
+        ``mine_vectors``, and ``mine_check()``, which returns how many of them the text misses after it was
+        pasted, 0 if all is right. Inputs are random, except for the first and the last one of all.
 
     Returns
     -------
@@ -104,19 +120,20 @@ def source(
     >>> print(text.splitlines()[0])
     // A sampler, by qmcjax: Independent(sobol(dims=2)).
     """
-    made = noun("sampler", sampler)
+    made, vectors = noun("sampler", sampler), _vectors.count(vectors)
     written = LANGUAGES[checks.choice("language", language, LANGUAGES)]
     _check_name(name)
     if isinstance(made, Sampler):
         size = _check_size(made, width, height, spp)
         made = made if size[2] is None else made.up_to(size[2])
-        return _of_sampler(made, dims, written, name, _limits(made, size))
+        return _of_sampler(made, dims, written, name, _limits(made, size), vectors)
     for argument, value in (("width", width), ("height", height), ("spp", spp)):
         if value is not None:
             raise ValueError(f"{argument} must be None, except for samplers, got {checks.shown(value)}")
     if isinstance(made, Sequence):
-        return _of_sequence(made, dims, written, name)
-    return _of_order(made, written, name) if isinstance(made, Order) else _of_scene(made, written, name)
+        return _of_sequence(made, dims, written, name, vectors)
+    of = _of_order if isinstance(made, Order) else _of_scene
+    return of(made, written, name, vectors)
 
 
 def _check_name(name: Any) -> None:
@@ -137,18 +154,20 @@ def _check_size(sampler: Sampler, *size: int | None) -> list[int | None]:
         raise ValueError(f"width and height must be given together, got {width} and {height}")
     if width is not None and height is not None:
         sampler.check(width, height, 1 if spp is None else spp)
-    elif spp is not None and checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > sampler.limits[2]:
-        raise ValueError(f"spp must be at most {sampler.limits[2]}, the sampler's, got {spp}")
+    elif spp is not None and checks.integer("spp", spp, 1, checks.INDEX_LIMIT) > sampler.fits.spp:
+        raise ValueError(f"spp must be at most {sampler.fits.spp}, the sampler's, got {spp}")
     return [None if number is None else int(number) for number in size]
 
 
 def _limits(sampler: Sampler, size: list[int | None]) -> list[int]:
     """Return limits of column, row and sample number: the requested ones, or those of the sampler."""
-    pairs = zip(size, sampler.limits, strict=True)
+    pairs = zip(size, sampler.fits.limits, strict=True)
     return [limit if asked is None else min(asked, limit) for asked, limit in pairs]
 
 
-def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int]) -> Source:
+def _of_sampler(
+    sampler: Sampler, dims: Any, language: Language, name: str, limits: list[int], vectors: int
+) -> Source:
     wanted, seeded = checks.dimensions(dims, sampler.dims), Seeded.of(sampler)
     if not is_own(sampler):  # A call checks the shape and the dtype of its points.
         trace(lambda x, y, s: sampler(x, y, s, wanted), _WORD, _WORD, _WORD)
@@ -164,6 +183,7 @@ def _of_sampler(sampler: Sampler, dims: Any, language: Language, name: str, limi
     writer.fill(f"{name}_pair", of_pair, state, ("pair", "s"), FLOAT, pixel)
     writer.both(("x", "y"), ("s",), len(wanted), FLOAT)
     in_rows = writer.row(pixel, len(wanted), limits[2])
+    _vectors.words(writer, limits, vectors, lambda x, y, s: sampler(x, y, s, wanted, jnp.float32))
     comment = _Comment(sampler, "A sampler", writer)
     comment.call(f"{name}_prepare", "x, y", "once for a pixel of the image", "pixel")
     comment.call(f"{name}_sample", "pixel, s", f"sample s of it, coordinates {_list(wanted)}")
@@ -188,7 +208,7 @@ def _list(dims: tuple[int, ...]) -> str:
     return f"0 to {last}" if whole else ", ".join(map(str, dims))
 
 
-def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -> Source:
+def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str, vectors: int) -> Source:
     wanted, seeded = checks.dimensions(dims, sequence.dims), Seeded.of(sequence)
     writer = Writer(language, name, seeded.words())
 
@@ -196,6 +216,7 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
         return seeded.put(seeds).coordinates(index, wanted, jnp.float32)
 
     writer.fill(name, read(point, seeded.seeds, _WORD, below=[sequence.limit]), (), ("index",), FLOAT)
+    _vectors.words(writer, [sequence.limit], vectors, lambda index: sequence(index, wanted, jnp.float32))
     comment = _Comment(sequence, "A sequence", writer)
     comment.call(name, "index", f"coordinates {_list(wanted)} of a point")
     comment.add(f"The index is below {sequence.limit}.")
@@ -203,7 +224,7 @@ def _of_sequence(sequence: Sequence, dims: Any, language: Language, name: str) -
     return comment.source(seeded, wanted)
 
 
-def _of_order(order: Order, language: Language, name: str) -> Source:
+def _of_order(order: Order, language: Language, name: str, vectors: int) -> Source:
     seeded = Seeded.of(order)
     writer = Writer(language, name, seeded.words())
 
@@ -212,18 +233,20 @@ def _of_order(order: Order, language: Language, name: str) -> Source:
 
     size = order.width, order.height
     writer.scalar(name, read(position, seeded.seeds, _WORD, _WORD, below=size), ("x", "y"), UINT)
+    _vectors.words(writer, size, vectors, order.position)
     comment = _Comment(order, "An order", writer)
     comment.call(name, "x, y", f"of a pixel, below {order.length}", "position")
     comment.add(f"Arguments: x < {order.width}, y < {order.height}.")
     return comment.source(seeded)
 
 
-def _of_scene(scene: Any, language: Language, name: str) -> Source:
+def _of_scene(scene: Any, language: Language, name: str, vectors: int) -> Source:
     needs = tuple(range(len(scene.needs)))
     writer = Writer(language, name, np.empty(0, np.uint32))
     program = read(scene, jax.ShapeDtypeStruct((len(needs),), np.float32))
     parameter = language.parameter(language.type(FLOAT), "p", len(needs))
     writer.fill(name, program, [f"p[{k}]" for k in needs], (), FLOAT, parameter)
+    _vectors.floats(writer, len(needs), vectors, scene)
     comment = _Comment(scene, "A scene", writer)
     comment.call(name, "p", f"its value at p: {', '.join(scene.needs)}")
     comment.add(*FLOATS)
@@ -242,8 +265,9 @@ class _Comment:
 
     def call(self, name: str, given: str, what: str, result: str | None = None) -> None:
         """Add a function with its arguments; without a ``result`` it fills an array."""
-        seeds = f", {self._name}_seeds" if self._writer.seeds.size else ""
-        filled = self._writer.language.result if result is None else ""
+        reference = self._writer.language.reference
+        seeds = f", {reference}{self._name}_seeds" if self._writer.seeds.size else ""
+        filled = f", {RESULT}" if result is None and not self._writer.language.returned else ""
         before = f"{result or RESULT} = " if not filled else ""
         self._lines.append(f"  {before}{name}({given}{seeds}{filled}): {what}")
 
@@ -256,6 +280,10 @@ class _Comment:
     def source(self, seeded: Seeded, dims: tuple[int, ...] = (), padded: bool = False) -> Source:
         """Return the whole text, with seeds, tables that the caller binds and licences in the comment."""
         name, first = self._name, 0
+        if count := self._writer.vectors:
+            self.add(
+                f"{name}_check() returns how many of {count} golden vectors are missed: 0 if all is right."
+            )
         if self._writer.seeds.size:
             self.add(f"Seeds are arguments: {name}_seeds are those of this object.")
             for path, count in seeded.named():

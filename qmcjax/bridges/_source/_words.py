@@ -70,18 +70,18 @@ class Words:
     def equal(self, a: Pair, b: Pair) -> Value:
         return a[0].equals(b[0]) & a[1].equals(b[1])
 
-    def left(self, a: Pair, by: Value | int) -> Pair:
+    def lshift(self, a: Pair, by: Value | int | Pair) -> Pair:
         """Shift by less than 64."""
         return self._shift(a, by, "shift_left", "shift_right_logical")
 
-    def right(self, a: Pair, by: Value | int) -> Pair:
+    def rshift(self, a: Pair, by: Value | int | Pair) -> Pair:
         """Shift by less than 64."""
         low, high = self._shift((a[1], a[0]), by, "shift_right_logical", "shift_left")
         return high, low
 
-    def _shift(self, a: Pair, by: Value | int, towards: str, back: str) -> Pair:
+    def _shift(self, a: Pair, by: Value | int | Pair, towards: str, back: str) -> Pair:
         """Shift the second word towards the first."""
-        by = self.word(by) if isinstance(by, int) else by
+        by = self.word(by) if isinstance(by, int) else by[1] if isinstance(by, tuple) else by
         shifted, rest = self.builder.shift, 32 - by
         small = shifted(towards, a[0], by) | shifted(back, a[1], rest), shifted(towards, a[1], by)
         far = shifted(towards, a[1], by - 32), self.word(0)
@@ -90,8 +90,8 @@ class Words:
     def sticky(self, a: Pair, by: Value) -> Pair:
         """Shift to the right, with the lowest bit set if any bit is lost."""
         by = by.apply("min", 63)
-        moved = self.right(a, by)
-        back = self.left(moved, by)
+        moved = self.rshift(a, by)
+        back = self.lshift(moved, by)
         return moved[0], moved[1] | self.bit(~self.equal(back, a))
 
     def leading_zeros(self, a: Pair) -> Value:
@@ -110,16 +110,22 @@ class Words:
         def step(state: Sequence[Value]) -> list[Value]:
             left, rest = (state[0], state[1]), (state[2], state[3])
             above = rest[0] >> 31
-            rest = self.left(rest, 1)
+            rest = self.lshift(rest, 1)
             rest = rest[0], rest[1] | (left[0] >> 31)
             fits = above.apply("ne", 0) | ~self.less(rest, b)
-            left = self.left(left, 1)
+            left = self.lshift(left, 1)
             rest = self.choose(fits, self.sub(rest, b), rest)
             # Bits of the quotient come in where those of the dividend go out.
             return [left[0], left[1] | self.bit(fits), *rest]
 
         high, low, rest_high, rest_low = self.repeat(64, [*a, *self.pair(0)], b, step)
         return (high, low), (rest_high, rest_low)
+
+    def div(self, a: Pair, b: Pair) -> Pair:
+        return self.divide(a, b)[0]
+
+    def rem(self, a: Pair, b: Pair) -> Pair:
+        return self.divide(a, b)[1]
 
     def repeat(
         self,
@@ -157,10 +163,10 @@ class Floats:
         """
         w = self.words
         zeros = w.leading_zeros(integer)
-        integer = w.left(integer, zeros - 1)
+        integer = w.lshift(integer, zeros - 1)
         exponent = exponent + 1 - zeros
         # Bits 62 to 10 are kept; half a unit is bit 9, and less goes up if it is odd.
-        kept = w.right(integer, 10)
+        kept = w.rshift(integer, 10)
         rest, odd = integer[1] & 1023, kept[1] & 1
         up = rest + odd > 512
         # A carry into the next power of two is one in the exponent as well: bit 52 is added, not set.
@@ -196,7 +202,7 @@ class Floats:
         """Convert to float32, rounded."""
         w = self.words
         sign, exponent, integer = self.parts(a)
-        kept = w.right(integer, 29)[1]
+        kept = w.rshift(integer, 29)[1]
         rest, odd = integer[1] & (1 << 29) - 1, kept & 1
         up = rest + odd > 1 << 28
         bits = ((exponent - 897) << 23) + (kept + w.bit(up))
@@ -208,9 +214,9 @@ class Floats:
         """Convert a float of at least 0 to an integer of 64 bits, towards zero."""
         w = self.words
         _, exponent, integer = self.parts(a)
-        integer = w.left(integer, 11)
+        integer = w.lshift(integer, 11)
         by = 1023 + 63 - exponent
-        whole = w.right(integer, by & 63)
+        whole = w.rshift(integer, by & 63)
         return w.choose(by > 63, w.pair(0), whole)
 
     def add(self, a: Pair, b: Pair) -> Pair:
@@ -218,13 +224,16 @@ class Floats:
         swap = w.less(self._size(a), self._size(b))
         a, b = w.choose(swap, b, a), w.choose(swap, a, b)
         (sign, exponent, large), (other, below, small) = self.parts(a), self.parts(b)
-        large = w.left(large, 9)
-        small = w.sticky(w.left(small, 9), exponent - below)
+        large = w.lshift(large, 9)
+        small = w.sticky(w.lshift(small, 9), exponent - below)
         same = sign.equals(other)
         total = w.choose(same, w.add(large, small), w.sub(large, small))
         # The difference of equal numbers is 0, not -0.
         sign = self.builder.select(same | ~self._is_zero(total), sign, w.word(0))
         return self.compose(sign, exponent + 1, total)
+
+    def sub(self, a: Pair, b: Pair) -> Pair:
+        return self.add(a, self.neg(b))
 
     def _size(self, a: Pair) -> Pair:
         return a[0] & 0x7FFFFFFF, a[1]
@@ -236,7 +245,7 @@ class Floats:
             nothing = self.parts(a)[1].equals(0)
             return w.choose(nothing, a, (a[0] + power * 2**20 % 2**32, a[1]))
         (sign, one, a), (other, two, b) = self.parts(a), self.parts(b)
-        a, b = w.left(a, 11), w.left(b, 10)
+        a, b = w.lshift(a, 11), w.lshift(b, 10)
         # The upper half of 128 bits, with all others in the lowest.
         top, low = w.wide(a[0], b[0]), w.wide(a[1], b[1])
         cross, back = w.wide(a[0], b[1]), w.wide(a[1], b[0])
@@ -260,20 +269,20 @@ class Floats:
         (sign, one, a), (other, two, b) = self.parts(a), self.parts(b)
         # 56 bits of the quotient: the remainder stays below the divisor.
         less = w.less(a, b)
-        a = w.choose(less, w.left(a, 1), a)
+        a = w.choose(less, w.lshift(a, 1), a)
         one = one - w.bit(less)
 
         def step(state: Sequence[Value]) -> list[Value]:
-            rest = w.left((state[2], state[3]), 1)
+            rest = w.lshift((state[2], state[3]), 1)
             fits = ~w.less(rest, b)
-            quotient = w.left((state[0], state[1]), 1)
+            quotient = w.lshift((state[0], state[1]), 1)
             quotient = quotient[0], quotient[1] | w.bit(fits)
             return [*quotient, *w.choose(fits, w.sub(rest, b), rest)]
 
         rest = w.sub(a, b)
         high, low, rest_high, rest_low = w.repeat(56, [*w.pair(0), *rest], b, step)
         sticky = low | w.bit(~self._is_zero((rest_high, rest_low)))
-        quotient = w.left((high | 1 << 24, sticky), 6)
+        quotient = w.lshift((high | 1 << 24, sticky), 6)
         exponent = one - two + 1023
         made = self.compose(sign ^ other, exponent, quotient)
         return w.choose(self._is_zero(a), w.pair(0), made)
@@ -283,22 +292,22 @@ class Floats:
         w = self.words
         _, exponent, integer = self.parts(a)
         odd = (exponent + 1) & 1
-        integer = w.left(w.left(integer, odd), 10)
+        integer = w.lshift(w.lshift(integer, odd), 10)
 
         def step(state: Sequence[Value]) -> list[Value]:
             left, rest, root = ((state[k], state[k + 1]) for k in (0, 2, 4))
-            rest = w.left(rest, 2)
+            rest = w.lshift(rest, 2)
             rest = rest[0], rest[1] | (left[0] >> 30)
-            root = w.left(root, 1)
-            trial = w.left(root, 1)
+            root = w.lshift(root, 1)
+            trial = w.lshift(root, 1)
             trial = trial[0], trial[1] | 1
             fits = ~w.less(rest, trial)
             root = root[0], root[1] | w.bit(fits)
-            return [*w.left(left, 2), *w.choose(fits, w.sub(rest, trial), rest), *root]
+            return [*w.lshift(left, 2), *w.choose(fits, w.sub(rest, trial), rest), *root]
 
         # The root of an integer of 64 bits has 32; 24 more follow.
         found = w.repeat(56, [*integer, *w.pair(0), *w.pair(0)], (), step)
-        root = w.left((found[4], found[5]), 7)
+        root = w.lshift((found[4], found[5]), 7)
         root = root[0], root[1] | w.bit(~self._is_zero((found[2], found[3])))
         return self.compose(w.word(0), (exponent - odd + 1023) >> 1, root)
 
@@ -329,6 +338,6 @@ class Floats:
         w = self.words
         _, exponent, _ = self.parts(a)
         by = (1023 + 52 - exponent.apply("min", 1023 + 52)).apply("min", 52)
-        whole = w.left(w.right(a, by), by)
+        whole = w.lshift(w.rshift(a, by), by)
         sign = a[0] & _SIGN
         return w.choose(exponent < 1023, (sign, w.word(0)), whole)

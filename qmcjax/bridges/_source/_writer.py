@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from qmcjax.bridges._source._builder import widen
 from qmcjax.bridges._source._language import RESULT, Language
-from qmcjax.bridges._source._languages import Shader
 from qmcjax.bridges._source._lower import lower
+from qmcjax.bridges._source._operations import OPERATIONS
 from qmcjax.bridges._source._program import UINT, Compute, Loop, Program, Repeat, Statement, Table, Value
+from qmcjax.bridges._source._shaders import Shader
 from qmcjax.core.checks import INDEX_LIMIT
 
 _LONGEST = 100
@@ -35,11 +36,15 @@ class Tables:
         """The words that the caller binds."""
         return np.concatenate([*self._bound, np.empty(0, np.uint32)])
 
-    def read(self, table: Table, index: str) -> str:
+    def read(self, table: Table, index: str, name: str = "") -> str:
+        """Return an entry, at an atom; a table with a name is bound in shaders, whatever its size."""
         entries = table.entries
-        if not isinstance(self._language, Shader) or len(entries) <= MOST_WRITTEN:
-            name = self._names.setdefault(table, f"{self._prefix}_table{len(self._names)}")
-            return f"{name}[{index}]"
+        if not isinstance(self._language, Shader) or (len(entries) <= MOST_WRITTEN and not name):
+            name = self._names.setdefault(table, name or f"{self._prefix}_table{len(self._names)}")
+            short = self._language.has_64 and entries.dtype in (np.uint8, np.uint16)
+            entry = self._language.entry(name, index)
+            # C promotes them to int, whose shifts to the left overflow and to the right keep a sign.
+            return self._language.cast.format(kind=self._language.type(UINT), value=entry) if short else entry
         if table not in self._places:
             self._places[table] = sum(map(len, self._bound))
             self._bound.append(entries.astype(widen(entries.dtype)).view(np.uint32))
@@ -67,7 +72,7 @@ class Body:
         self._language, self._tables = language, tables
         self._texts = dict(zip(program.inputs, inputs, strict=True))
         self._results: dict[tuple[Loop | None, int], str] = {}
-        self._uses, self._repeated = _uses(program, language.repeats)
+        self._uses, self._repeated = _uses(program, language.columns)
         self._count = 0
         self.lines: list[str] = []
         self._depth = 0
@@ -111,8 +116,6 @@ class Body:
         given = [self._atom(argument) for argument in value.arguments]
         if value.kind == "load":
             return self._tables.read(value.detail, self._atom(value.arguments[0]))
-        if value.kind == "select":
-            return self._language.select(*given)
         if value.kind in ("convert", "bitcast"):
             return self._language.convert(value, given[0])
         return self._language.operation(value, *given)
@@ -159,7 +162,7 @@ def _has_operators(text: str) -> bool:
     return False
 
 
-def _uses(program: Program, repeats: frozenset[str]) -> tuple[Counter[Value], dict[Value, Loop | None]]:
+def _uses(program: Program, columns: Sequence[str]) -> tuple[Counter[Value], dict[Value, Loop | None]]:
     """Return the number of uses of each value, and the loop of its last use."""
     uses: Counter[Value] = Counter(program.outputs)
     where: dict[Value, Loop | None] = dict.fromkeys(program.outputs)
@@ -172,8 +175,10 @@ def _uses(program: Program, repeats: frozenset[str]) -> tuple[Counter[Value], di
         for statement in statements:
             if isinstance(statement, Compute):
                 value = statement.value
+                row = OPERATIONS.get(value.kind)
+                times = 2 if row and row.repeats(columns) else 1
                 for argument in value.arguments:
-                    used(argument, value.home, 2 if value.kind in repeats else 1)
+                    used(argument, value.home, times)
                 continue
             loop = statement.loop
             used(loop.condition, loop)
@@ -208,10 +213,15 @@ class Writer:
         self.language, self.name, self.seeds = language, name, seeds
         self._tables = Tables(language, name)
         self._parts: list[str] = []
+        self.vectors = 0
         self._uint = language.type(UINT)
 
     def add(self, part: str) -> None:
         self._parts.append(part)
+
+    def entry(self, table: Table, index: str, name: str) -> str:
+        """Return an entry of a table of this name: in the text, or bound."""
+        return self._tables.read(table, index, f"{self.name}_{name}")
 
     def fill(
         self,
@@ -241,7 +251,7 @@ class Writer:
         dtypes = [value.dtype for value in program.outputs]
         self.add(self.language.struct(kind, list(zip(dtypes, members, strict=True))))
         body = self._body(program, named)
-        lines = [self.language.local(kind, "pixel"), *body.lines]
+        lines = [self.language.uninitialized.format(kind=kind, name="pixel"), *body.lines]
         lines += [f"pixel.{member} = {text};" for member, text in zip(members, body.outputs, strict=True)]
         self.add(self.language.returning(kind, name, self._parameters(named), [*lines, "return pixel;"]))
 

@@ -8,14 +8,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from qmcjax.bridges._source import Compute, Program, Repeat, Table, Value
-from qmcjax.bridges._source._operations import COMPARISONS
+from qmcjax.bridges._source._operations import OPERATIONS
 from qmcjax.bridges._source._program import BOOL, DOUBLE, DTYPES, Statement
 
 Step: TypeAlias = Callable[[list[Any]], None]
 """What adds a value to the list of those that are known."""
-
-_SAME = "abs floor ceil sqrt sin cos tan exp log exp2 log2 atan asin acos tanh atan2"
-"""Operations that Dr.Jit calls the same."""
 
 
 class Arrays:
@@ -28,37 +25,22 @@ class Arrays:
             dtype: (drjit.mask_t if dtype == BOOL else getattr(drjit, f"{dtype}_array_t"))(real)
             for dtype in DTYPES
         }
-        self.operations: dict[str, Callable[..., Any]] = {
-            **{name: getattr(operator, name) for name in ("add", "sub", "mul", "xor", "neg", *COMPARISONS)},
-            **{name: getattr(drjit, name) for name in _SAME.split()},
-            "div": self._divide,
-            "rem": self._remainder,
-            "and": operator.and_,
-            "or": operator.or_,
-            "not": operator.invert,
-            "shift_left": operator.lshift,
-            "shift_right_logical": operator.rshift,
-            "shift_right_arithmetic": operator.rshift,
-            "select": drjit.select,
-            "min": drjit.minimum,
-            "max": drjit.maximum,
-            "round_even": drjit.round,
-            "pow": drjit.power,
-            "reverse": drjit.brev,
-        }
 
     def constant(self, value: np.generic) -> Any:
         """Return a constant as an array of one entry, which is part of the recorded program."""
         return self.types[value.dtype](value.item())
 
     def operation(self, value: Value) -> Callable[..., Any]:
-        converts = value.kind in ("convert", "bitcast")
-        return self._convert(value) if converts else self.operations[value.kind]
+        kind = value.kind
+        if kind in ("convert", "bitcast"):
+            return self._convert(value)
+        name = OPERATIONS[kind].texts.get("python", kind)
+        return next(getattr(of, name) for of in (self, operator, self.drjit) if hasattr(of, name))
 
-    def _divide(self, a: Any, b: Any) -> Any:
+    def div(self, a: Any, b: Any) -> Any:
         return a / b if self.drjit.is_float_v(a) else a // self._divisor(b)
 
-    def _remainder(self, a: Any, b: Any) -> Any:
+    def rem(self, a: Any, b: Any) -> Any:
         """Return a remainder: of float32 exactly, in float64, for quotients below 2**29."""
         if not self.drjit.is_float_v(a):
             return a % self._divisor(b)
@@ -88,9 +70,6 @@ class Evaluated:
 
     def __init__(self, arrays: Arrays, program: Program, tables: dict[Table, Any]) -> None:
         self._arrays, self._tables = arrays, tables
-        reached = program.reached()
-        self.used = {place for place, value in enumerate(program.inputs) if value in reached}
-        """Which inputs it uses."""
         self._places: dict[Any, int] = {}
         self._constants: list[tuple[int, np.generic]] = []
         self._inputs = [self._place(value) for value in program.inputs]

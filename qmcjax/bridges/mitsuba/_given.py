@@ -3,6 +3,7 @@
 import inspect
 from collections.abc import Callable
 from threading import Lock
+from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
 from qmcjax.core import checks
@@ -37,7 +38,7 @@ class Given:
             )
         if not hasattr(self.film, "crop_size"):
             raise TypeError(f"film must be the sensor's film, got {checks.shown(self.film)}")
-        self._wrapped = sampler.wrapped
+        self.wrapped = sampler.wrapped
         self.key = checks.prng_key("key", properties.get("key", 0))
         self.first = checks.integer("first_sample", properties.get("first_sample", 0), 0, LIMIT)
         self.count = checks.integer("sample_count", properties.get("sample_count", 4), 1, LIMIT)
@@ -70,17 +71,12 @@ class Given:
 
     def make_once(self, count: int, make: Callable[[Sampler], Made]) -> Made:
         """Return the object made from the sampler for ``count`` samples per pixel, once for all copies."""
-        size = (*self.whole(), self.first + count) if of_size(self._wrapped) else ()
+        size = (*self.whole(), self.first + count) if of_size(self.wrapped) else ()
         with self._lock:
             if self._made is None or self._size != size:
-                sampler = as_pixels("sampler", self._wrapped(*size) if size else self._wrapped)
+                sampler = as_pixels("sampler", self.wrapped(*size) if size else self.wrapped)
                 self._size, self._made = size, make(sampler)
             return self._made
-
-    @property
-    def name(self) -> str:
-        """A description of the sampler."""
-        return checks.shown(self._wrapped)
 
     @property
     def _border(self) -> int:
@@ -106,6 +102,26 @@ def as_pixels(name: str, sampler: Any) -> Sampler:
     return sampler
 
 
-def describe(plug_in: Any) -> str:
-    """Return the text of a plugin as part of a printed scene."""
-    return f"QmcSampler[\n  sampler = {plug_in.given.name},\n  sample_count = {plug_in.sample_count()}\n]"
+def plug_in(mitsuba: ModuleType) -> Any:
+    """Return what the classes of the plugin have in common, whatever the variant."""
+
+    class QmcSampler(mitsuba.Sampler):
+        def __init__(self, properties: Any, given: Given | None = None) -> None:
+            super().__init__(properties)
+            self.given = given or Given(properties)
+
+        def fork(self) -> Any:
+            properties = mitsuba.Properties()
+            properties["sample_count"] = self.sample_count()
+            return type(self)(properties, self.given)
+
+        def clone(self) -> Any:
+            other = self.fork()
+            vars(other).update(vars(self))
+            return other
+
+        def to_string(self) -> str:
+            of = checks.shown(self.given.wrapped)
+            return f"QmcSampler[\n  sampler = {of},\n  sample_count = {self.sample_count()}\n]"
+
+    return QmcSampler

@@ -1,7 +1,7 @@
 """The plugin for scalar variants: one sample after another, from tables of nearby ones."""
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from types import ModuleType
 from typing import Any
 
@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from qmcjax import orders
 from qmcjax.bridges._padding import Padding
 from qmcjax.bridges._plain import Tables
-from qmcjax.bridges.mitsuba._given import LIMIT, Given, Window, describe
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, Window, plug_in
 from qmcjax.core import checks, draws
 from qmcjax.samplers import Sampler
 
@@ -38,7 +39,7 @@ class Points:
             points, pairs = sampler, self.own
             if group:
                 points, pairs = Padding(words, jnp.uint32(self.own + _TOGETHER * (group - 1))), _TOGETHER
-            return Tables(points, 2 * pairs, sampler.limits, count, threads * _KEPT, origin=origin)
+            return Tables(points, 2 * pairs, sampler.fits.limits, count, threads * _KEPT, origin=origin)
 
         self.tables = lru_cache(maxsize=None)(tables)
 
@@ -65,6 +66,13 @@ class Blocks:
     """(blocks, 2): column and row of the first pixel in the window, by number."""
     side: int
 
+    @cached_property
+    def places(self) -> NDArray[np.int64]:
+        """(side**2, 2): column and row in a block of its pixels."""
+        positions: Any = np.arange(self.side**2, dtype=np.uint32)
+        pixels = orders.morton(self.side, self.side).pixel(positions)
+        return np.stack(pixels, axis=1).astype(np.int64)
+
     def pixel(self, seed: int) -> tuple[int, int]:
         """Return the column and row of a seed, or raise a ValueError."""
         number, place = divmod(seed, self.side**2)
@@ -73,16 +81,8 @@ class Blocks:
                 "seed must be 0 in scalar variants, samples_per_pass unset, and block_size the integrator's, "
                 f"got pixel {place} of block {number} of {len(self.corners)}: use first_sample instead"
             )
-        x, y = self.corners[number].tolist()
-        return x + self.window.left + _even_bits(place), y + self.window.top + _even_bits(place >> 1)
-
-
-def _even_bits(word: int) -> int:
-    """Move bit 2 k to bit k."""
-    word &= 0x55555555
-    for shift, mask in ((1, 0x33333333), (2, 0x0F0F0F0F), (4, 0x00FF00FF), (8, 0x0000FFFF)):
-        word = (word | (word >> shift)) & mask
-    return word
+        x, y = (self.corners[number] + self.places[place]).tolist()
+        return x + self.window.left, y + self.window.top
 
 
 def block_side(window: Window, threads: int, chosen: int) -> int:
@@ -110,25 +110,15 @@ def scalar(mitsuba: ModuleType) -> type:
     """Return the class for scalar variants: one sample after another."""
     import drjit  # pyright: ignore[reportMissingImports]
 
-    class ScalarSampler(mitsuba.Sampler):
+    class ScalarSampler(plug_in(mitsuba)):
+        given: Given
+
         def __init__(self, properties: Any, given: Given | None = None) -> None:
-            super().__init__(properties)
-            self.given = given or Given(properties)
+            super().__init__(properties, given)
             self.blocks: Blocks | None = None
             self.points: Points | None = None
             self.pixel, self.checked = (0, 0), 0
             self._start(0, 0)
-
-        def fork(self) -> Any:
-            properties = mitsuba.Properties()
-            properties["sample_count"] = self.sample_count()
-            return ScalarSampler(properties, self.given)
-
-        def clone(self) -> Any:
-            other = self.fork()
-            for name in ("blocks", "points", "pixel", "checked", "sample", "end", "pair"):
-                setattr(other, name, getattr(self, name))
-            return other
 
         def seed(self, seed: int, wavefront_size: int = LIMIT) -> None:
             if self.blocks is None:
@@ -153,9 +143,6 @@ def scalar(mitsuba: ModuleType) -> type:
 
         def next_2d(self, active: bool = True) -> Any:
             return mitsuba.Point2f(*self._next())
-
-        def to_string(self) -> str:
-            return describe(self)
 
         def _threads(self) -> int:
             # Dr.Jit renders in its threads and in the calling thread.

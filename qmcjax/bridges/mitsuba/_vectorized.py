@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from qmcjax.bridges._source import Table
-from qmcjax.bridges._source._read import SamplerPrograms, first_of
+from qmcjax.bridges._source._read import SamplerPrograms
 from qmcjax.bridges.mitsuba._evaluated import Arrays, Evaluated
-from qmcjax.bridges.mitsuba._given import LIMIT, Given, describe
+from qmcjax.bridges.mitsuba._given import LIMIT, Given, plug_in
 from qmcjax.core import checks, draws
 from qmcjax.samplers import Sampler
 
@@ -26,46 +26,34 @@ class Recorded:
         programs = SamplerPrograms(sampler, np.asarray(draws.bits(key, (2,), jnp.uint32)), pairs)
         tables: dict[Table, Any] = {}
         self.prepare = Evaluated(arrays, programs.prepared.program(), tables)
-        self._pairs = [
-            (Evaluated(arrays, first_of(program), tables), Evaluated(arrays, program, tables))
-            for program in (*map(programs.own, range(self.count)), programs.padding())
-        ]
+        every = (*map(programs.own, range(self.count)), programs.padding())
+        self._pairs = [Evaluated(arrays, program, tables) for program in every]
         # In memory, not a compiled constant: another key does not recompile.
         self.seeds = [arrays.drjit.opaque(arrays.uint, int(word)) for word in programs.seeds]
         self._switch, self._minimum = arrays.drjit.switch, arrays.drjit.minimum
 
     def pair(
-        self, wanted: int, number: int | None, least: int, pair: Any, members: Sequence[Any], sample: Any
+        self, number: int | None, least: int, pair: Any, members: Sequence[Any], sample: Any
     ) -> Sequence[Any]:
-        """Return one or both coordinates of a pair; its number is known while recording, or an array.
+        """Return the coordinates of a pair; its number is known while recording, or an array.
 
-        ``least``: a lower bound of the numbers. ``members``: of the pixels.
+        ``least``: a lower bound of the numbers. ``members``: of the pixels. Dr.Jit removes what is not used:
+        a coordinate, and arguments of calls.
         """
         lowest = min(least, self.count)
-        choices = [self._pairs[k][wanted - 1] for k in range(lowest, self.count + 1)]
-        words = [*self.seeds, *members]
+        choices = [self._pairs[k] for k in range(lowest, self.count + 1)]
         if number is not None or len(choices) == 1:
-            return self._choose(choices[0], words, pair, sample)
-        # Calls take as arguments everything that one of them uses.
-        used = sorted(
-            set().union(*(choice.used for choice in choices)) & set(range(len(self.seeds), len(words)))
-        )
+            return self._choose(choices[0], members, pair, sample)
 
         def calls(choice: Evaluated) -> Callable[..., tuple[Any, ...]]:
-            def call(pair: Any, sample: Any, given: list[Any]) -> tuple[Any, ...]:
-                known = list(words)
-                for place, value in zip(used, given, strict=True):
-                    known[place] = value
-                return tuple(self._choose(choice, known, pair, sample))
-
-            return call
+            return lambda pair, sample, given: tuple(self._choose(choice, given, pair, sample))
 
         index = self._minimum(pair, self.count) - lowest
-        return self._switch(index, list(map(calls, choices)), pair, sample, [words[place] for place in used])
+        return self._switch(index, list(map(calls, choices)), pair, sample, list(members))
 
-    def _choose(self, choice: Evaluated, words: Sequence[Any], pair: Any, sample: Any) -> list[Any]:
-        padding = choice in self._pairs[self.count]
-        return choice([*words, pair, sample] if padding else [*words, sample])
+    def _choose(self, choice: Evaluated, members: Sequence[Any], pair: Any, sample: Any) -> list[Any]:
+        padding = choice is self._pairs[self.count]
+        return choice([*self.seeds, *members, *([pair] if padding else []), sample])
 
 
 class Last:
@@ -91,26 +79,20 @@ def vectorized(mitsuba: ModuleType) -> type:
     arrays = Arrays(drjit, mitsuba.Float)
     word = arrays.uint
 
-    class VectorizedSampler(mitsuba.Sampler):
+    class VectorizedSampler(plug_in(mitsuba)):
+        given: Given
+
         # Dr.Jit finds the arrays among the attributes: in symbolic loops they are the state of the loop.
         def __init__(self, properties: Any, given: Given | None = None) -> None:
-            super().__init__(properties)
-            self.given = given or Given(properties)
+            super().__init__(properties, given)
             self.recorded: Recorded | None = None
             self.members, self.sample, self.pair = [], word(0), word(0)
             self.last, self.least = Last(None, 0), 0
             self.end, self.step = 0, 0
             self.seeded, self.checked = False, False
 
-        def fork(self) -> Any:
-            properties = mitsuba.Properties()
-            properties["sample_count"] = self.sample_count()
-            return VectorizedSampler(properties, self.given)
-
         def clone(self) -> Any:
-            other = self.fork()
-            for name in ("recorded", "last", "least", "end", "step", "seeded", "checked"):
-                setattr(other, name, getattr(self, name))
+            other = super().clone()
             # Loops change arrays of their state in place: copies need their own arrays.
             other.sample, other.pair, *other.members = copy_arrays(self.sample, self.pair, *self.members)
             return other
@@ -125,7 +107,7 @@ def vectorized(mitsuba: ModuleType) -> type:
                 self.recorded = None
                 return
             start = self.given.first + int(np.ravel(np.array(seed))[0]) * count
-            if self._recorded().sampler.limits[2] > LIMIT:
+            if self._recorded().sampler.fits.spp > LIMIT:
                 start %= checks.INDEX_LIMIT
             pixel, sample = self._divide(drjit.arange(word, wavefront_size), per_pixel)
             row, column = self._divide(pixel, window.width)
@@ -154,15 +136,12 @@ def vectorized(mitsuba: ModuleType) -> type:
             drjit.schedule(self.members, self.sample, self.pair)
 
         def next_1d(self, active: Any = True) -> Any:
-            return mitsuba.Float(self._next(1)[0])
+            return mitsuba.Float(self._next()[0])
 
         def next_2d(self, active: Any = True) -> Any:
-            return mitsuba.Point2f(*self._next(2))
+            return mitsuba.Point2f(*self._next())
 
-        def to_string(self) -> str:
-            return describe(self)
-
-        def _next(self, wanted: int) -> Sequence[Any]:
+        def _next(self) -> Sequence[Any]:
             recorded = self._checked()
             pair, number, least = self.pair, None, self.least
             if pair.state == drjit.VarState.Literal:
@@ -175,7 +154,7 @@ def vectorized(mitsuba: ModuleType) -> type:
                 least = self.last.least
             self.pair = pair + 1
             self.last = Last(copy_arrays(self.pair)[0], least + 1)
-            return recorded.pair(wanted, number, least, pair, self.members, self.sample)
+            return recorded.pair(number, least, pair, self.members, self.sample)
 
         def _recorded(self) -> Recorded:
             return self.given.make_once(self.sample_count(), partial(Recorded, arrays, self.given.key))

@@ -8,3 +8,4 @@ into tiles, this module does not.
 
 from qmcjax.bridges.oidn._denoiser import Denoiser as Denoiser
 from qmcjax.bridges.oidn._denoiser import denoiser as denoiser
+from qmcjax.bridges.oidn._inputs import read_inputs as read_inputs

@@ -1,12 +1,14 @@
-"""Computations outside JAX: loops that Numba compiles, and NumPy measures as JAX functions.
+"""Computations outside JAX: compiled loops, NumPy measures as JAX functions, and budgets of searches.
 
-The supremum that defines such a measure is attained at a pair, a box or a ball of a few points. The
+The supremum that defines a measure in NumPy is attained at a pair, a box or a ball of a few points. The
 derivative of the measure is that of this pair, box or ball; at ties that of one of them.
 """
 
 from __future__ import annotations
 
+import math
 import os
+import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
@@ -97,3 +99,26 @@ def _call(function: Callable[[NDArray], Any], outline: Any, given: Array) -> Any
         return jax.tree.map(lambda each, array: np.asarray(array, each.dtype), outline, found)
 
     return jax.pure_callback(host, outline, given, vmap_method="sequential")
+
+
+class Budget:
+    """Limits on steps and seconds, either of which ends a search; None is no limit."""
+
+    def __init__(self, steps: int | None, seconds: float | None) -> None:
+        self.steps, self._began = 0, time.monotonic()
+        self._most = math.inf if steps is None else steps
+        self._limit = math.inf if seconds is None else seconds
+
+    def seconds(self) -> float:
+        """Return the time since the start."""
+        return time.monotonic() - self._began
+
+    def spent(self) -> float:
+        """Return the fraction of the budget spent, 1 or more at the end."""
+        return max(self.steps / self._most, self.seconds() / self._limit)
+
+    def step(self) -> bool:
+        """Count one more step, if the budget allows it."""
+        allowed = self.spent() < 1
+        self.steps += allowed
+        return allowed

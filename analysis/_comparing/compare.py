@@ -1,6 +1,5 @@
 """Comparison of samplers: perceived errors, their spectra, and run time."""
 
-import inspect
 import itertools
 import statistics
 from collections.abc import Callable, Iterable, Mapping
@@ -9,15 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._comparing.comparison import Comparison, ComparisonRow
-from analysis._comparing.convergence import time_render, validate_named, validate_spps
-from analysis._comparing.promises import broken_promises, error_line
+from analysis import _arguments
+from analysis._comparing.comparison import MEASURES, Comparison, ComparisonRow, Measure
+from analysis._comparing.convergence import time_render
+from analysis._comparing.makers import Maker, validate_named, validate_spps
+from analysis._comparing.promises import error_line
+from analysis._discrepancy.star_discrepancy import star_discrepancy
 from analysis._distances.distance import min_distance, packing_distance
-from analysis._star.star_discrepancy import star_discrepancy
 from analysis._structure.nets import t_value
 from qmcjax.core import checks
 from qmcjax.rendering import render
-from qmcjax.samplers import Sampler, SamplerLike, as_sampler
+from qmcjax.samplers import Sampler, SamplerLike
 from qmcjax.scenes import Scene, as_scene
 
 _BLOCK = 16
@@ -37,6 +38,7 @@ def compare(
     width: int = 128,
     height: int = 128,
     keys: int = 8,
+    measures: Mapping[str, Measure] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Comparison:
     """Render scenes with samplers, and measure errors, points and run time.
@@ -51,6 +53,11 @@ def compare(
     width, height : int, size of the images in pixels, at least 32
     keys : int
         Number of images, with keys 0, 1, ... Fewer than 4 give neither intervals nor ranks.
+    measures : mapping of names to functions, optional
+        Further measures, from an image and its reference, float64 arrays, to a number of at least 0, the
+        smaller the better: :func:`relative_error`, :func:`trimmed_error`, :func:`quantile_error`,
+        :func:`flip`, :func:`denoised_error` with a denoiser, or your own. Rows, ranks, slopes and tables have
+        them under their names, with intervals over keys.
     progress : callable, optional, called with the finished fraction in (0, 1]
 
     Returns
@@ -73,8 +80,12 @@ def compare(
     >>> def random(width, height, key):
     ...     return samplers.independent(sequences.uniform(2, key), key, "shift")
     >>> made = {"Owen": owen, "random": random}
-    >>> result = compare(made, {"disc": scenes.disc()}, [16], width=32, height=32)
+    >>> from analysis import trimmed_error
+    >>> more = {"trimmed": trimmed_error}
+    >>> result = compare(made, {"disc": scenes.disc()}, [16], width=32, height=32, measures=more)
     >>> result.ranks("disc", 16)
+    {'Owen': (1, 1, 1), 'random': (2, 2, 2)}
+    >>> result.ranks("disc", 16, "trimmed")
     {'Owen': (1, 1, 1), 'random': (2, 2, 2)}
     """
     width, height = checks.image_size(width, height)
@@ -96,6 +107,7 @@ def compare(
     references = {
         name: np.asarray(scene.reference(width, height)[0], np.float64) for name, scene in worlds.items()
     }
+    measures = _checked_measures(measures, references)
     promises = {name: maker.broken(max(spps)) for name, maker in makers.items()}
     points: dict[str, dict[int, dict[str, float]]] = {name: {} for name in makers}
     rows, left_out = [], {}
@@ -112,7 +124,7 @@ def compare(
                 if sampler.dims < needed:
                     left_out[scene, name, spp] = f"it has {sampler.dims} dimensions, the scene needs {needed}"
                 else:
-                    rows.append(_row(scene, worlds[scene], maker, spp, references[scene]))
+                    rows.append(_row(scene, worlds[scene], maker, spp, references[scene], measures))
                 if spp not in points[name]:
                     points[name][spp] = _of_points(sampler, min(width, height, _BLOCK), spp)
             except Exception as error:
@@ -127,42 +139,23 @@ def compare(
     return Comparison(tuple(rows), points, promises, left_out, references, dict(makers))
 
 
-class Maker:
-    """The samplers of one method, by numbers of samples and keys."""
-
-    def __init__(self, name: str, made: Any, width: int, height: int, keys: int) -> None:
-        self.name, self._made, self._size = name, made, {"width": width, "height": height}
-        self._parameters: list[str] | None = None
-        if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
-            self._parameters = list(inspect.signature(made).parameters)
-            known = (*self._size, "spp", "key")
-            unknown = [parameter for parameter in self._parameters if parameter not in known]
-            if unknown:
-                raise TypeError(
-                    f"samplers[{name!r}] must be a function with parameters among {', '.join(known)}, got "
-                    f"{', '.join(unknown)} (for one of x, y and sample, use samplers.function)"
-                )
-        self.keys = keys if "key" in (self._parameters or []) else 1
-
-    def __call__(self, spp: int, key: int) -> Sampler:
-        made = self._made
-        if self._parameters is not None:
-            given = {**self._size, "spp": spp, "key": key}
-            try:
-                made = made(**{parameter: given[parameter] for parameter in self._parameters})
-            except Exception as error:
-                raise ValueError(error_line(error)) from error
-        return as_sampler(f"samplers[{self.name!r}]", made)
-
-    def broken(self, spp: int) -> list[str]:
-        """Return the promises that samplers break at this number of samples."""
-        try:
-            return broken_promises(self(spp, 0), **self._size, spp=spp)
-        except ValueError as error:
-            return [f"it cannot be made for {spp} samples: {error}"]
+def _checked_measures(measures: Any, references: Mapping[str, NDArray]) -> Mapping[str, Measure]:
+    """Return measures; raise unless they are functions that measure the references themselves."""
+    if measures is None:
+        return {}
+    validate_named("measures", measures, "functions of an image and its reference")
+    for name, of in measures.items():
+        if name in MEASURES:
+            raise ValueError(f"measures must have names other than {', '.join(MEASURES)}, got {name!r}")
+        checks.function(f"measures[{name!r}]", of, "of an image and its reference", 2)
+        for reference in references.values():
+            _arguments.not_negative(f"measures[{name!r}](image, reference)", of(reference, reference))
+    return measures
 
 
-def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> ComparisonRow:
+def _row(
+    name: str, scene: Any, maker: Maker, spp: int, reference: NDArray, measures: Mapping[str, Measure]
+) -> ComparisonRow:
     height, width = reference.shape[:2]
     sampler = maker(spp, 0)
     first = np.asarray(render(scene, sampler, width, height, spp))
@@ -170,7 +163,9 @@ def _row(name: str, scene: Any, maker: Maker, spp: int, reference: NDArray) -> C
     seconds = [time_render(scene, sampler, width, height, spp)[0] for _ in range(_TIMED)]
     others = (np.asarray(render(scene, maker(spp, key), width, height, spp)) for key in range(1, maker.keys))
     images = itertools.chain([first], others)
-    return ComparisonRow.of_images(name, maker.name, spp, images, reference, statistics.median(seconds))
+    return ComparisonRow.of_images(
+        name, maker.name, spp, images, reference, statistics.median(seconds), measures
+    )
 
 
 def _of_points(sampler: Sampler, side: int, spp: int) -> dict[str, float]:

@@ -1,19 +1,22 @@
 """Results of a comparison of samplers: means over keys with confidence intervals."""
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._spectra.filters import filtered_error, low_frequency_power, perceived_error
-from analysis._spectra.spectra import error_spectrum, radial_average
+from analysis._spectra.filters import filtered_error, perceived_error
+from analysis._spectra.spectra import error_spectrum, low_frequency_power, radial_average
 from qmcjax.core import checks, student, tables
 from qmcjax.samplers import Sampler
 
-MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
+Measure = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
+"""From an image and its reference to a number of at least 0, the smaller the better."""
+
+MEASURES: dict[str, Measure] = {
     "RMS error": lambda image, reference: float(np.sqrt(np.mean((image - reference) ** 2))),
     "filtered error": filtered_error,
     "perceived error": perceived_error,
@@ -21,7 +24,7 @@ MEASURES: dict[str, Callable[[NDArray, NDArray], float]] = {
         low_frequency_power(image, reference) if _has_spectrum(image, reference) else 0.0
     ),
 }
-"""Measures of an image against its reference: smaller is better."""
+"""Measures of all comparisons."""
 
 
 @dataclass(frozen=True)
@@ -44,17 +47,25 @@ class ComparisonRow:
 
     @classmethod
     def of_images(
-        cls, scene: str, sampler: str, spp: int, images: Iterable[NDArray], reference: NDArray, seconds: float
+        cls,
+        scene: str,
+        sampler: str,
+        spp: int,
+        images: Iterable[NDArray],
+        reference: NDArray,
+        seconds: float,
+        measures: Mapping[str, Measure] | None = None,
     ) -> "ComparisonRow":
-        """Return the row of images of one scene, one per key; ``seconds``: of one image."""
-        values: dict[str, list[float]] = {measure: [] for measure in MEASURES}
+        """Return the row of images of one scene, one per key; ``seconds``: of one image; further measures."""
+        measured = MEASURES | dict(measures or {})
+        values: dict[str, list[float]] = {measure: [] for measure in measured}
         powers, alike, first = [], True, None
         for image in images:
             first = image if first is None else first
             alike = alike and np.array_equal(image, first)
             known = image.astype(np.float64)
-            for measure, of in MEASURES.items():
-                values[measure].append(of(known, reference))
+            for measure, of in measured.items():
+                values[measure].append(float(of(known, reference)))
             powers.append(_power(known, reference))
         side = max(reference.shape[:2])
         return cls(
@@ -110,7 +121,8 @@ class Comparison:
         tried = [*((row.scene, row.sampler, row.spp) for row in self.rows), *self.left_out]
         spps, lines = sorted({spp for *_, spp in tried}), []
         means = {(row.scene, row.sampler, row.spp): row.mean for row in self.rows}
-        for measure in ("RMS error", "filtered error"):
+        further = dict.fromkeys(measure for row in self.rows for measure in row.values)
+        for measure in ("RMS error", "filtered error", *(m for m in further if m not in MEASURES)):
             lines.append([measure, "", *(f"{spp} spp " for spp in spps)])
             for scene in dict.fromkeys(scene for scene, *_ in tried):
                 ranks = {spp: self.ranks(scene, spp, measure) for spp in spps}

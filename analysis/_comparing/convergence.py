@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import os
@@ -9,7 +10,8 @@ import statistics
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,118 +20,24 @@ from jax.sharding import Mesh
 from numpy.typing import NDArray
 
 from analysis import _arguments
-from qmcjax.core import checkpoints, checks, devices, tables
+from analysis._comparing.convergence_table import ConvergenceRow, ConvergenceTable, geometric_mean
+from analysis._comparing.makers import Maker, validate_named, validate_spps
+from qmcjax.core import checkpoints, checks, devices
 from qmcjax.core.checkpoints import Checkpoint
 from qmcjax.rendering import render
-from qmcjax.samplers import SamplerLike, as_sampler
+from qmcjax.samplers import Sampler, SamplerLike, as_sampler
 from qmcjax.scenes import Scene, as_scene
-
-
-@dataclass(frozen=True)
-class ConvergenceRow:
-    """One image: its error in each region, and its run time."""
-
-    sampler: str
-    spp: int
-    errors: dict[str, float]
-    """Root mean square error of each region."""
-    seconds: float
-    """Median over the repeated renderings."""
-    first_seconds: float
-    """The first rendering, including compilation if needed."""
-
-
-@dataclass(frozen=True)
-class ConvergenceTable:
-    """The images of all samplers, by sampler and then by samples per pixel; as text, a table."""
-
-    rows: tuple[ConvergenceRow, ...]
-    bound: float
-    """Bound on the error of the reference: do not trust errors near it."""
-
-    def __str__(self) -> str:
-        lines = [["sampler", "spp", *self.rows[0].errors, "seconds"]] if self.rows else []
-        for row in self.rows:
-            numbers = (f"{number:.3g}" for number in (*row.errors.values(), row.seconds))
-            lines.append([row.sampler, str(row.spp), *numbers])
-        return f"{tables.aligned(lines)}\nerrors of the reference: at most {self.bound:.3g}"
-
-    def errors(self, sampler: str, region: str = "whole") -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the numbers of samples per pixel, and the errors, of one sampler in one region."""
-        if not isinstance(sampler, str) or not isinstance(region, str):
-            wrong = ("region", region) if isinstance(sampler, str) else ("sampler", sampler)
-            raise TypeError(f"{wrong[0]} must be a name, got {checks.shown(wrong[1])}")
-        rows = [row for row in self.rows if row.sampler == sampler]
-        if not rows:
-            known = list(dict.fromkeys(row.sampler for row in self.rows))
-            raise ValueError(f"sampler must be one of {known}, got {sampler!r}")
-        if region not in rows[0].errors:
-            raise ValueError(f"region must be one of {list(rows[0].errors)}, got {region!r}")
-        return np.array([row.spp for row in rows]), np.array([row.errors[region] for row in rows])
-
-    def slope(self, sampler: str, region: str = "whole") -> float:
-        """Return the exponent a of the least-squares fit of error = c * spp^a, in logarithms."""
-        spps, errors = self.errors(sampler, region)
-        if len(spps) < 2 or not np.all(errors > 0):
-            raise ValueError(
-                f"the slope of sampler {sampler!r} needs two or more errors, none zero, got {errors}"
-            )
-        from scipy.stats import linregress
-
-        line: Any = linregress(np.log(spps), np.log(errors))
-        return float(line.slope)
-
-    def slope_interval(self, sampler: str, region: str = "whole", level: float = 0.95) -> tuple[float, float]:
-        """Return a confidence interval of the slope, by Student's distribution for the slope of a line.
-
-        Parameters
-        ----------
-        level : float
-            In (0, 1): the probability that the interval contains the slope, if the logarithms of errors are
-            independent and normal around a line. It does not account for curvature.
-
-        Returns
-        -------
-        lower, upper : float
-
-        Raises
-        ------
-        ValueError
-            If there are fewer than three errors, or one of them is zero.
-        """
-        from scipy.special import stdtrit
-        from scipy.stats import linregress
-
-        spps, errors = self.errors(sampler, region)
-        level = _arguments.real("level", level, "in (0, 1)", lambda x: 0 < x < 1)
-        if len(spps) < 3 or not np.all(errors > 0):
-            raise ValueError(
-                f"the interval of sampler {sampler!r} needs three or more errors, none zero, got {errors}"
-            )
-        line: Any = linregress(np.log(spps), np.log(errors))
-        width = stdtrit(len(spps) - 2, (1 + level) / 2) * line.stderr
-        return float(line.slope - width), float(line.slope + width)
-
-    def efficiency(self, sampler: str, region: str = "whole") -> NDArray[np.float64]:
-        """Return 1 / (seconds * mean squared error) for each number of samples.
-
-        At twice the efficiency, the same error takes half the time, if errors decrease as for random samples.
-        It is infinite for an error of zero.
-        """
-        _, errors = self.errors(sampler, region)
-        seconds = np.array([row.seconds for row in self.rows if row.sampler == sampler])
-        with np.errstate(divide="ignore"):
-            return 1 / (seconds * errors**2)
 
 
 def convergence(
     scene: Scene,
-    samplers: Mapping[str, SamplerLike | Callable[[int], SamplerLike]],
+    samplers: Mapping[str, SamplerLike | Callable[..., SamplerLike]],
     spps: Iterable[int],
     *,
     width: int = 128,
     height: int = 128,
     regions: Mapping[str, Any] | None = None,
+    keys: int | None = None,
     repeats: int = 3,
     reference: tuple[Any, Any] | None = None,
     progress: Callable[[float], None] | None = None,
@@ -148,25 +56,30 @@ def convergence(
         Needs a ``reference(width, height)``, unless ``reference`` is given.
     samplers : mapping of names to samplers
         Each is a Sampler, or a function from the samples per pixel to one, since nets and contiguous samplers
-        are made for one number of samples.
+        are made for one number of samples. With ``keys``, a function has any of the parameters ``width``,
+        ``height``, ``spp`` and ``key`` (an int), as for :func:`compare`.
     spps : iterable of int, different numbers of samples per pixel, at least 1
     width, height : int, in [1, 65536]
     regions : mapping of names to numpy indices, optional
         Selections from an image of shape (height, width), such as ``numpy.s_[:64, 32:]`` or a mask. By
         default the "whole" image, and its "upper" and "lower" half: the first ``height // 2`` rows and the
         rest.
+    keys : int, optional
+        At least 1. If given, images are rendered with keys 0, 1, ... for each sampler that is a function of
+        ``key``: errors are geometric means over keys, and errors and slopes have intervals if there are 4 or
+        more. All other samplers are rendered once.
     repeats : int
         Number of renderings for the median time, after the first one.
     reference : (image, bound), optional
         Replaces the reference of the scene: an image of shape (height, width) or (height, width, 3), and one
         bound on the errors of its values, or an array of bounds, as from :func:`qmcjax.estimated_reference`.
-    progress : callable, optional, called with the finished fraction in (0, 1] after each image
+    progress : callable, optional, called with the finished fraction in (0, 1] after each row
     checkpoint : path or Checkpoint, optional
-        A file for the rows of finished images, written every half minute. Calling the function again with the
+        A file for the finished rows, written every half minute. Calling the function again with the
         same arguments resumes from it, with the times measured before. The file is not deleted. With foreign
         code, pass a :class:`qmcjax.Checkpoint` with a label.
     mesh : jax.sharding.Mesh, optional
-        Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the images; the
+        Devices, as in :func:`qmcjax.render`. All its processes make the same call and share the rows; the
         devices of a process share the pixels of an image. Each process gets all rows. The time of an image is
         measured in its process, while the others render other images.
 
@@ -189,6 +102,16 @@ def convergence(
     >>> table = convergence(scenes.checkerboard(), {"Owen": jittered}, [4, 16], width=32, height=32)
     >>> print(table.slope("Owen") < -0.5)
     True
+
+    Over keys, for intervals:
+
+    >>> def owen(key):
+    ...     return samplers.independent(sequences.sobol(2), key)
+    >>> size = {"width": 32, "height": 32, "regions": {"whole": np.s_[:]}}
+    >>> table = convergence(scenes.disc(), {"Owen": owen}, [4, 16], keys=8, **size)
+    >>> low, high = table.slope_interval("Owen")
+    >>> print(low < -0.5, high - low < 0.2)
+    True True
     """
     scene = as_scene("scene", scene)
     width, height = checks.image_size(width, height)
@@ -200,16 +123,22 @@ def convergence(
         regions = {"whole": np.s_[:], "upper": np.s_[: height // 2], "lower": np.s_[height // 2 :]}
     _check_regions(regions, width, height)
     mesh = devices.validate_mesh(mesh)
-    plan = [(name, spp, _sampler(name, made, spp)) for name, made in samplers.items() for spp in wanted]
+    makers: dict[str, Any] = {name: partial(_one, name, made) for name, made in samplers.items()}
+    if keys is not None:
+        keys = checks.integer("keys", keys, 1, 2**16)
+        makers = {name: Maker(name, made, width, height, keys).all for name, made in samplers.items()}
+    plan = [(name, spp, make(spp)) for name, make in makers.items() for spp in wanted]
     places = {(name, spp): place for place, (name, spp, _) in enumerate(plan)}
-    for _, spp, sampler in plan:
-        sampler.check(width, height, spp)
+    for _, spp, made in plan:
+        for sampler in made:
+            sampler.check(width, height, spp)
     exact, bound = _reference(scene, reference, width, height)
     rows, saved = [], None
     if checkpoint is not None:
-        of_rows = {"samplers": plan, "regions": dict(regions), "reference": exact, "repeats": repeats}
+        of_samplers = [(name, spp, made if keys else made[0]) for name, spp, made in plan]
+        of_rows = {"samplers": of_samplers, "regions": dict(regions), "reference": exact, "repeats": repeats}
         saved = checkpoints.begin(checkpoint, mesh, scene=scene, width=width, height=height, **of_rows)
-        rows = [ConvergenceRow(**row) for row in json.loads(str(saved.state.get("rows", "[]")))]
+        rows = [_from_json(**row) for row in json.loads(str(saved.state.get("rows", "[]")))]
     process, own = devices.of_process(mesh)
     finished = {(row.sampler, row.spp) for row in rows}
     rest = [planned for planned in plan if planned[:2] not in finished]
@@ -218,42 +147,27 @@ def convergence(
             # Processes of a mesh render images of similar cost at the same time, to avoid waiting.
             rest.sort(key=lambda planned: _expected_seconds(rows, *planned[:2]))
             at_once = [rest.pop(0) for _ in range(min(devices.processes(mesh), len(rest)))]
-            measured = np.zeros(2 + len(regions))
+            measured = np.zeros(2 + len(regions) * (keys or 1))
             if process < len(at_once):
-                _, spp, sampler = at_once[process]
+                _, spp, (sampler, *others) = at_once[process]
                 measured[0], image = time_render(scene, sampler, width, height, spp, own)
                 repeated = [time_render(scene, sampler, width, height, spp, own)[0] for _ in range(repeats)]
-                measured[1:] = statistics.median(repeated), *_errors(image, exact, regions).values()
-            told = devices.gather(measured.view(np.uint32), mesh).view(np.float64).tolist()
-            for (name, spp, _), (first, seconds, *errors) in zip(at_once, told, strict=False):
-                rows.append(
-                    ConvergenceRow(name, spp, dict(zip(regions, errors, strict=True)), seconds, first)
-                )
+                measured[1] = statistics.median(repeated)
+                of_keys = (time_render(scene, other, width, height, spp, own)[1] for other in others)
+                errors = [_errors(each, exact, regions) for each in itertools.chain([image], of_keys)]
+                measured[2 : 2 + np.size(errors)] = np.ravel(errors)
+            told = devices.gather(measured.view(np.uint32), mesh).view(np.float64)
+            for (name, spp, made), (first, seconds, *errors) in zip(at_once, told.tolist(), strict=False):
+                by_key = np.reshape(errors, (-1, len(regions)))[: len(made)]
+                by_key = by_key[:1] if (by_key == by_key[0]).all() else by_key
+                values = {region: tuple(of.tolist()) for region, of in zip(regions, by_key.T, strict=True)}
+                means = {region: geometric_mean(of) for region, of in values.items()}
+                rows.append(ConvergenceRow(name, spp, means, seconds, first, values if keys else {}))
             if saved is not None and saved.due(last=not rest):
                 saved.write(rows=json.dumps([asdict(row) for row in rows]))
             if progress is not None:
                 progress(len(rows) / len(plan))
     return ConvergenceTable(tuple(sorted(rows, key=lambda row: places[row.sampler, row.spp])), bound)
-
-
-def validate_spps(spps: Any) -> list[int]:
-    """Return numbers of samples per pixel; raise unless they are different and at least one."""
-    try:
-        given = list(spps)
-    except TypeError:
-        raise TypeError(f"spps must be numbers of samples per pixel, got {checks.shown(spps)}") from None
-    given = [checks.integer("spps", spp, 1, 2**32 - 1) for spp in given]
-    if not given or len(set(given)) < len(given):
-        raise ValueError(f"spps must be one or more different numbers, got {given}")
-    return given
-
-
-def validate_named(kind: str, given: Any, what: str | None = None) -> None:
-    """Raise unless names are mapped to something, such as samplers."""
-    if not isinstance(given, Mapping):
-        raise TypeError(f"{kind} must map names to {what or kind}, got {checks.shown(given)}")
-    if not given:
-        raise ValueError(f"{kind} must be one or more, got {given!r}")
 
 
 def _reference(scene: Any, given: Any, width: int, height: int) -> tuple[NDArray[np.float64], float]:
@@ -301,13 +215,17 @@ def _check_regions(regions: Mapping[str, Any], width: int, height: int) -> None:
             raise ValueError(f"regions[{name!r}] must select pixels of {width} x {height}, got {region!r}")
 
 
-def _sampler(name: str, made: Any, spp: int) -> Any:
+def _one(name: str, made: Any, spp: int) -> tuple[Sampler]:
     """Return a sampler, or the one that a function makes for this number of samples per pixel."""
     if not hasattr(made, "dims") and callable(made) and not isinstance(made, type):
         of = "of the samples per pixel (for one of x, y and sample, use samplers.function)"
         checks.function(f"samplers[{name!r}]", made, of)
         made = made(spp)
-    return as_sampler(f"samplers[{name!r}]", made)
+    return (as_sampler(f"samplers[{name!r}]", made),)
+
+
+def _from_json(values: Mapping[str, list[float]] | None = None, **row: Any) -> ConvergenceRow:
+    return ConvergenceRow(**row, values={region: tuple(of) for region, of in (values or {}).items()})
 
 
 def _expected_seconds(rows: list[ConvergenceRow], sampler: str, spp: int) -> float:
@@ -325,10 +243,10 @@ def time_render(
     return time.perf_counter() - start, image
 
 
-def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> dict[str, float]:
+def _errors(image: Array, reference: NDArray, regions: Mapping[str, Any]) -> list[float]:
     if image.shape != reference.shape:
         raise ValueError(
             f"reference must have the shape of the scene's image {image.shape}, got {reference.shape}"
         )
     square = np.square(np.asarray(image, np.float64) - reference)
-    return {name: math.sqrt(square[region].mean()) for name, region in regions.items()}
+    return [math.sqrt(square[region].mean()) for region in regions.values()]

@@ -17,11 +17,9 @@ from analysis._design.expected_error import (
     Integrand,
     Kernel,
     classes_of,
-    expected_error,
     mean_square,
     offsets,
 )
-from analysis._design.fields import Denoiser, known_denoisers, log_denoised_error
 from analysis._design.integrands import IntegrandClass, blur, is_scene, mean_image_square, render_integrands
 from analysis._design.minimize import TOGETHER, descend
 from analysis._spectra.filters import Filter, as_filters, autocorrelation
@@ -42,12 +40,6 @@ _LEAST = 3e-3
 _RATE, _NOISE = 0.1, 0.3
 """Length of the first steps, and of their noise relative to them."""
 
-_SLOW = 0.01
-"""Length of the first steps if there are denoisers."""
-
-_DENOISED = 0.5
-"""Weight of the logarithm of the error after denoisers; the rest is that after filters."""
-
 _WIDE, _NARROW = 0.2, 0.02
 """Widths of blurs of known integrands, in the first and last steps."""
 
@@ -64,10 +56,7 @@ class DesignedSamples(NamedTuple):
     points: NDArray[np.float64]
     """Shape (height, width, spp, dims) or (height, width, frames, spp, dims), for `qmcjax.samplers.tiled`."""
     errors: NDArray[np.float64]
-    """The expected error, averaged over the 20 steps and turns before each move to the strata.
-
-    With denoisers, the exponential of the loss.
-    """
+    """The expected error, averaged over the 20 steps and turns before each move to the strata."""
 
 
 def design_samples(
@@ -81,7 +70,6 @@ def design_samples(
     integrands: str | Mapping[str, float] | Kernel | Sequence[Integrand] = "half_spaces",
     filters: Filters | None = None,
     progressive: bool = False,
-    denoiser: Denoiser | Sequence[Denoiser] | None = None,
     steps: int = 800,
     progress: Callable[[float], object] | None = None,
     checkpoint: str | os.PathLike[str] | Checkpoint | None = None,
@@ -107,11 +95,6 @@ def design_samples(
     progressive : bool
         Whether to design the first 1, 2, 4, ... samples of all pixels for small errors, too, all weighted
         equally relative to independent samples.
-    denoiser : callable or sequence of callables, optional
-        Differentiable functions of JAX from images, shape (height, width, 3), to images. The loss is then the
-        mean of half the square error after filters, relative to the start, and of the logarithm of the error
-        that denoisers leave in images of random fields (see Notes), averaged over denoisers. Give several,
-        since a tile may fit the faults of one denoiser. Not for scenes or frames.
     steps : int
         In [20, 2**31), rounded up to a multiple of 20; each takes one gradient.
     progress : callable, optional
@@ -131,14 +114,6 @@ def design_samples(
     average over turns. Every 20 steps and at the end, points are moved to strata of equal area: a sampler of
     them is exactly uniform over keys in every pixel. This constraint costs a few percent of the error, since
     free points stay away from the faces of the cube.
-
-    With denoisers, points start from those of :func:`qmcjax.samplers.ranked`. Each step draws four images of
-    at least 64 x 64 pixels, which repeat the tile at a random place: integrands that are soft indicators of
-    half spaces and their intersections, one or two in an image with an edge between them, constant or moving
-    over the screen, times a colour with a gradient or a texture. Each step then takes the time of denoising
-    these images and of the derivative. Networks leave their own bias, which no tile removes: one run of
-    460 steps for two of Open Image Denoise, from the shipped tile of one sample in two dimensions, left 0.97
-    and 0.81 of the errors after these, and 1.3 times that after a Gaussian filter, on eight fields.
 
     A tile for scenes has the size of their image and is fitted to its pixels: ``samplers.function(lambda x,
     y, sample: points[y, x, sample], dims)`` returns exactly its points, without a key. Its gain is limited to
@@ -171,12 +146,9 @@ def design_samples(
     of_scenes = isinstance(integrands, list | tuple) and any(map(is_scene, integrands))
     if dims not in (2, 4) and not of_scenes:
         raise ValueError(f"dims must be 2 or 4, got {dims}")
-    if denoiser is not None and (of_scenes or frames is not None):
-        raise ValueError(f"denoiser must be None for scenes and frames, got {checks.shown(denoiser)}")
     key = checks.prng_key("key", key)
     chunks = -(-checks.integer("steps", steps, TOGETHER, 2**31 - 1) // TOGETHER)
     checks.progress(progress)
-    denoisers = () if denoiser is None else known_denoisers(denoiser)
     prefixes = shape[3].bit_length() if checks.flag("progressive", progressive) else 1
     filters = as_filters(1.5 if filters is None else filters)
     if spp > 1 and not any(all(np.ndim(of) == 0 and of == 0 for of in one[:2]) for one in filters):
@@ -208,42 +180,30 @@ def design_samples(
             angles = jnp.asarray(_TURNS[: dims // 2], points.dtype) * step.astype(points.dtype) % 1 / 4
             points = turn(points, angles)
         parts = [count * square(points[:, :, :, :count], step) for count in counts]
-        total = sum(parts[1:], parts[0]) / (prefixes * shape[3])
-        if not denoisers:
-            return total
-        left = log_denoised_error(points[:, :, 0], jax.random.fold_in(key, -1 - step), denoisers)
-        # The logarithm to first order: its argument could be negative by rounding.
-        return (1 - _DENOISED) * (total / initial - 1) / 2 + _DENOISED * left
+        return sum(parts[1:], parts[0]) / (prefixes * shape[3])
 
     if of_scenes:
         start = _points_of(samplers.designed(width, height, spp, key, dims).at_frame, shape)
-    elif denoisers:
-        ranked = samplers.ranked(dims, key)
-        start = _points_of(lambda _: ranked, shape)
-        squares = [expected_error(start[:, :, :, :count], integrands, filters) ** 2 for count in counts]
-        initial = float(np.dot(counts, squares)) / (prefixes * shape[3])
     else:
         start = draws.uniform(key, shape, jnp.float32)
     saved = None
     if checkpoint is not None:
         made_of = {"integrands": integrands, "weights": weights, "prefixes": prefixes}
-        made_of |= {"denoisers": denoisers} if denoisers else {}
         saved = checkpoints.begin(checkpoint, key=key, shape=np.array(shape), steps=chunks, **made_of)
     free, losses = descend(
         loss,
         start,
         key,
         chunks,
-        _SLOW if denoisers else _RATE,
+        _RATE,
         _NOISE,
         lambda points: jnp.clip(points, _EDGE, 1 - _EDGE),
         settle=(lambda points: points) if of_scenes else _to_strata,
-        looped=not denoisers,
         progress=progress,
         saved=saved,
     )
     tile = np.asarray(free, np.float64)
-    errors = np.exp(losses) if denoisers else np.sqrt(np.maximum(losses, 0))
+    errors = np.sqrt(np.maximum(losses, 0))
     return DesignedSamples(tile[:, :, 0] if frames is None else tile, errors)
 
 

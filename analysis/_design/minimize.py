@@ -39,15 +39,13 @@ def descend(
     project: Callable[[Any], Any],
     *,
     settle: Callable[[Any], Any] = lambda parameters: parameters,
-    looped: bool = True,
     progress: Callable[[float], object] | None = None,
     saved: checkpoints.File | None = None,
 ) -> tuple[Any, NDArray[np.float64]]:
     """Return parameters after all chunks, and the mean loss of each chunk.
 
     ``loss(parameters, step)`` is traced, as is ``project``, which follows each step; ``settle`` takes known
-    parameters after each chunk. The noise, relative to the steps, ends at half of them. XLA's convolutions
-    are ten times as fast on CPUs if each step is a program, not ``looped``.
+    parameters after each chunk. The noise, relative to the steps, ends at half of them.
     """
     steps = chunks * TOGETHER
     flat, shaped = ravel_pytree(start)
@@ -72,17 +70,6 @@ def descend(
         state, losses = lax.scan(one, state, first + jnp.arange(TOGETHER, dtype=jnp.int32))
         return state, jnp.mean(losses)
 
-    compiled = jax.jit(one)
-
-    def some(state: Any, first: Array) -> tuple[Any, Array]:
-        if looped:
-            return loop(state, first)
-        losses = []
-        for step in range(TOGETHER):
-            state, loss = compiled(state, first + step)
-            losses.append(loss)
-        return state, jnp.mean(jnp.stack(losses))
-
     def settle_state(state: Any) -> Any:
         parameters, *moments = jax.tree.leaves(state)
         moved, _ = ravel_pytree(settle(shaped(parameters)))
@@ -95,7 +82,7 @@ def descend(
         state = jax.tree.unflatten(jax.tree.structure(state), leaves)
     with saved or nullcontext():
         for chunk in range(len(losses), chunks):
-            state, mean = some(state, jnp.int32(chunk * TOGETHER))
+            state, mean = loop(state, jnp.int32(chunk * TOGETHER))
             state = settle_state(state)
             if not np.isfinite(mean):
                 raise ValueError(f"loss must stay finite, got {mean} before step {(chunk + 1) * TOGETHER}")

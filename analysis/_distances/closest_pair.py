@@ -137,7 +137,7 @@ def _crowd(bars: _Bars, best: _Closest) -> float:
 
 def _compare_with_next(bars: _Bars, best: _Closest) -> None:
     n = len(bars.keys)
-    room = _room()
+    room = np.empty((2, _BLOCK))
     for start in range(0, n - 1, _BLOCK):
         _compare_with_followers(bars, start, min(start + _BLOCK, n - 1), 1, room, best)
 
@@ -146,7 +146,7 @@ def _compare_with_windows(bars: _Bars, best: _Closest) -> None:
     """Compare points with the followers in their windows: all points first, then those with followers."""
     keys = bars.keys
     n = len(keys)
-    room = _room()
+    room = np.empty((2, _BLOCK))
     for start in range(0, n, _BLOCK):
         step, point = 1, np.arange(0)
         while (stop := min(start + _BLOCK, n - step)) > start:
@@ -162,10 +162,6 @@ def _compare_with_windows(bars: _Bars, best: _Closest) -> None:
             step += 1
             point = point[: np.searchsorted(point, n - step)]
             point = point[keys[point + step] - keys[point] <= bars.window(best)]
-
-
-def _room() -> Floats:
-    return np.empty((2, _BLOCK))
 
 
 def _compare_with_followers(

@@ -106,18 +106,7 @@ def _attained(points: Floats, torus: bool) -> Attained:
     radius, centre = _ball(points, torus)
     dims = points.shape[1]
     near = radius * (1 + _ROUNDING) + _ROUNDING
-    index, signs, ends = np.arange(len(points)), np.ones_like(points), points
-    for axis in range(dims):
-        parts = []
-        for sign in (-1, 0, 1):
-            moved, flipped = ends.copy(), signs.copy()
-            if sign and not torus:
-                moved[:, axis], flipped[:, axis] = 1 + sign - ends[:, axis], -1
-            else:
-                moved[:, axis] += sign
-            kept = np.abs(moved[:, axis] - centre[axis]) <= near
-            parts.append((index[kept], flipped[kept], moved[kept]))
-        index, signs, ends = (np.concatenate(part) for part in zip(*parts, strict=True))
+    index, signs, ends = _images(points, centre - near, centre + near, torus)
     distance = np.linalg.norm(ends - centre, axis=1)
     touched = distance <= near
     index, signs = index[touched], signs[touched]
@@ -160,7 +149,8 @@ def _largest_ball(
     points: Floats, low: Floats, high: Floats, margin: float, torus: bool
 ) -> tuple[float, Floats]:
     """Return the largest empty ball with its centre in a block, from points around it."""
-    copies = _copies(points, low - margin, high + margin, torus)
+    copies = _images(points, low - margin, high + margin, torus)[2]
+    copies = copies if torus else np.unique(copies, axis=0)
     centres, radii = _circumspheres(copies, Delaunay(copies).simplices)
     inside = ((centres >= low - _ROUNDING) & (centres <= high + _ROUNDING)).all(axis=1)
     inside &= radii <= margin * (1 + _ROUNDING)
@@ -220,16 +210,26 @@ def _upper_bound(points: Floats, torus: bool) -> float:
     return min(2 * math.sqrt(dims) / side, math.sqrt(dims) / (2 if torus else 1))
 
 
-def _copies(points: Floats, low: Floats, high: Floats, torus: bool) -> Floats:
+def _images(
+    points: Floats, low: Floats, high: Floats, torus: bool
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Return the points, copies and reflected points in a box: numbers of points, directions, coordinates.
+
+    A direction is -1 along the reflected axes, 1 along others.
+    """
+    index, signs = np.arange(len(points)), np.ones_like(points)
     for axis in range(points.shape[1]):
-        parts = [points]
-        for sign in (-1, 1):
-            copy = points.copy()
-            x = copy[:, axis]
-            copy[:, axis] = x + sign if torus else (1 + sign) - x
-            parts.append(copy)
-        points = np.concatenate([p[(p[:, axis] >= low[axis]) & (p[:, axis] <= high[axis])] for p in parts])
-    return points if torus else np.unique(points, axis=0)
+        parts = []
+        for sign in (0, -1, 1):
+            moved, flipped = points.copy(), signs.copy()
+            if sign and not torus:
+                moved[:, axis], flipped[:, axis] = (1 + sign) - points[:, axis], -flipped[:, axis]
+            else:
+                moved[:, axis] += sign
+            kept = (moved[:, axis] >= low[axis]) & (moved[:, axis] <= high[axis])
+            parts.append((index[kept], flipped[kept], moved[kept]))
+        index, signs, points = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return index, signs, points
 
 
 def _circumspheres(points: Floats, simplices: NDArray[np.int32]) -> tuple[Floats, Floats]:

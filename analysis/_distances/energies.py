@@ -5,6 +5,7 @@ changes the other rows as much as its own: the gradient is twice that of the poi
 rows, in batches, gives both value and gradient; reverse-mode differentiation would store the matrix.
 """
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
@@ -129,7 +130,7 @@ def _half_sum(sums: Array) -> Array:
 
 _POWERS = _Measure(_power_row, _half_sum)
 _LOGARITHMS = _Measure(_logarithm_row, _half_sum)
-_LOG_OF_POWERS = _Measure(_log_of_powers_row, lambda sums: logsumexp(sums) - np.log(2))
+_LOG_OF_POWERS = _Measure(_log_of_powers_row, lambda sums: logsumexp(sums) - math.log(2))
 
 
 def _row(

@@ -20,11 +20,10 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from analysis import _arguments
-from analysis._host import compiled
+from analysis._discrepancy.star_discrepancy import star_discrepancy
+from analysis._host import Budget, compiled
 from analysis._searches.box_search import search_boxes
-from analysis._searches.budget import Budget
 from analysis._searches.ranks_plane import tighten, walk
-from analysis._star.star_discrepancy import star_discrepancy
 from qmcjax.core import checks
 
 _LARGEST = {2: 4096, 3: 512}

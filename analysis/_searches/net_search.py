@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from analysis import _arguments
 from analysis._distances.distance import squared_min_distance
-from analysis._searches.budget import Budget
+from analysis._host import Budget
 from qmcjax.core import checks
 
 _LARGEST = {2: 8, 3: 5}

@@ -1,10 +1,11 @@
-"""Filters of periodic images in space and time, and errors after them."""
+"""Filters of periodic images in space and time, and errors of images after them or after a denoiser."""
 
 from __future__ import annotations
 
 import math
 import numbers
-from typing import Any, NamedTuple, cast
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +13,6 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
-from analysis._spectra.spectra import error_spectrum, radial_average
 from qmcjax.core import checks
 
 _WIDE = 0.4
@@ -212,34 +212,6 @@ def weighted_rms(error: Any, weights: NDArray[np.float64]) -> float:
     return _arguments.root(mean).astype(error.dtype)
 
 
-def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
-    """Return the mean radial power of an image's error below a cutoff frequency: 1 for white noise.
-
-    Parameters
-    ----------
-    image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
-    cutoff : float
-        In cycles per pixel, in (0, 1/2], above one cycle per image. Annuli of :func:`radial_average` below it
-        have equal weights; the zero frequency is omitted.
-
-    Returns
-    -------
-    float
-        If JAX traces an image, an Array of its dtype, differentiable.
-
-    References
-    ----------
-    .. [1] R. Ulichney, "Digital Halftoning", 1987: the radially averaged power spectrum.
-    """
-    cutoff = _arguments.real("cutoff", cutoff, "in (0, 0.5]", lambda f: 0 < f <= 0.5)
-    frequency, power = radial_average(error_spectrum(image, reference))
-    below = frequency < cutoff * max(np.shape(image)[:2])
-    if not below.any():
-        raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
-    mean: Any = power[below].mean()
-    return cast(Any, mean) if isinstance(mean, Tracer) else float(mean)
-
-
 def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 2000.0) -> float:
     """Return the root mean square of an image's error, weighted by the contrast sensitivity of the eye.
 
@@ -280,19 +252,84 @@ def perceived_error(image: ArrayLike, reference: ArrayLike, distance: float = 20
     distance = _arguments.positive("distance", distance)
     height, width = error.shape[:2]
     per_pixel = np.hypot(np.fft.fftfreq(height)[:, None], np.fft.fftfreq(width)[None, :])
-    return weighted_rms(error, _sensitivity(per_pixel * distance * np.tan(np.radians(1))))
-
-
-def _sensitivity(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the sensitivity at frequencies in cycles per degree, 1 up to that of the maximum."""
-    from_peak = np.maximum(frequency, _PEAK)
-    return _band(from_peak) / _band(np.array(_PEAK))
+    per_degree = per_pixel * distance * np.tan(np.radians(1))
+    return weighted_rms(error, _band(np.maximum(per_degree, _PEAK)) / _band(np.array(_PEAK)))
 
 
 def _band(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the sensitivity at frequencies in cycles per degree."""
     u = 0.114 * frequency
     return 2.6 * (0.0192 + u) * np.exp(-(u**1.1))
 
 
 _PEAK = 7.890914609139
 """The zero of the derivative, 1 - (0.0192 + u) 1.1 u^0.1 at u = 0.114 f."""
+
+
+def denoised_error(
+    image: ArrayLike,
+    reference: ArrayLike,
+    denoiser: Callable[..., Any],
+    albedo: ArrayLike | None = None,
+    normal: ArrayLike | None = None,
+) -> float:
+    """Return the root mean square error of an image after a denoiser.
+
+    Parameters
+    ----------
+    image : float ArrayLike, shape (height, width) or (height, width, 3)
+        Of linear light. A grey image has three equal channels for the denoiser.
+    reference : float ArrayLike, of the same shape
+    denoiser : callable
+        From a float32 image (height, width, 3) to such an image, perhaps with other values than these: any
+        filter, or that of :func:`qmcjax.bridges.oidn.denoiser`.
+    albedo, normal : ArrayLike, optional
+        What is seen in each pixel. If given, they are further arguments of the denoiser, in this order.
+
+    Returns
+    -------
+    float
+        If JAX traces an image, an Array of its dtype, differentiable if the denoiser is; the gradient is set
+        to 0 if the error is 0.
+
+    Notes
+    -----
+    A Gaussian filter forgives errors of high frequency, see :func:`filtered_error`. Denoisers that look for
+    similar surroundings, learned or not, may take regular errors for a texture and keep them: samplers that
+    are best after the one are not always best after the other.
+
+    Examples
+    --------
+    A median filter removes single wrong pixels, but not a pattern:
+
+    >>> import numpy as np
+    >>> from scipy.ndimage import median_filter
+    >>> median = lambda image: median_filter(image, (3, 3, 1), mode="wrap")
+    >>> grey = np.zeros((8, 8))
+    >>> one, stripes = grey.copy(), grey.copy()
+    >>> one[3, 4], stripes[::2] = 1, 1
+    >>> print(denoised_error(one, grey, median), f"{denoised_error(stripes, grey, median):.3f}")
+    0.0 0.707
+    """
+    error = _arguments.error(image, reference)
+    if error.shape[2] not in (1, 3):
+        raise ValueError(
+            f"image must have shape (height, width) or (height, width, 3), got {np.shape(image)}"
+        )
+    traced = isinstance(error, Tracer)
+    xp: Any = jnp if traced else np
+    shape = (*error.shape[:2], 3)
+    given, exact = (
+        xp.broadcast_to(xp.asarray(each).reshape(error.shape), shape).astype(np.float32)
+        for each in (image, reference)
+    )
+    others = (albedo,) if normal is None else (albedo, normal)
+    others = () if normal is None and albedo is None else others
+    checks.function("denoiser", denoiser, "of an image, and of what else is given", 1 + len(others))
+    denoised = denoiser(given, *others)
+    if np.shape(denoised) != shape:
+        raise ValueError(f"denoiser must return an image of shape {shape}, got {np.shape(denoised)}")
+    if traced:
+        return _arguments.root(jnp.square(denoised - exact).mean()).astype(error.dtype)
+    _arguments.check_finite("what denoiser returns", denoised := np.asarray(denoised, np.float64))
+    return float(np.sqrt(np.square(denoised - exact).mean()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, cast
 
 import jax
 import jax.numpy as jnp
@@ -156,6 +156,34 @@ def radial_anisotropy(spectrum: ArrayLike) -> tuple[NDArray[np.float64], NDArray
     ratio = xp.where(spread, variance, 1) / xp.square(xp.where(spread, mean, 1))
     limit = xp.where((count > 1) & (variance == 0) & (mean != 0), -np.inf, np.nan).astype(squares.dtype)
     return frequency, xp.where(spread, 10 * xp.log10(ratio), limit)
+
+
+def low_frequency_power(image: ArrayLike, reference: ArrayLike, cutoff: float = 1 / 16) -> float:
+    """Return the mean radial power of an image's error below a cutoff frequency: 1 for white noise.
+
+    Parameters
+    ----------
+    image, reference : float ArrayLike, shape (height, width) or (height, width, channels)
+    cutoff : float
+        In cycles per pixel, in (0, 1/2], above one cycle per image. Annuli of :func:`radial_average` below it
+        have equal weights; the zero frequency is omitted.
+
+    Returns
+    -------
+    float
+        If JAX traces an image, an Array of its dtype, differentiable.
+
+    References
+    ----------
+    .. [1] R. Ulichney, "Digital Halftoning", 1987: the radially averaged power spectrum.
+    """
+    cutoff = _arguments.real("cutoff", cutoff, "in (0, 0.5]", lambda f: 0 < f <= 0.5)
+    frequency, power = radial_average(error_spectrum(image, reference))
+    below = frequency < cutoff * max(np.shape(image)[:2])
+    if not below.any():
+        raise ValueError(f"cutoff must be above one cycle per image, got {cutoff!r} for {np.shape(image)}")
+    mean: Any = power[below].mean()
+    return cast(Any, mean) if isinstance(mean, Tracer) else float(mean)
 
 
 def mean_spectrum(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import abc
 from collections.abc import Sequence
 from itertools import combinations
-from typing import Any, Protocol
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +21,30 @@ from qmcjax.core import checks, number_theory
 _WORD = 32
 
 
-class MatrixNet(abc.ABC):
+class _Net(abc.ABC):
+    """Input of the search for t; states stand for a choice of leading digits of some coordinates."""
+
+    m: int
+    dims: int
+    root: Any = ()
+
+    def even_digits(self, state: Any, used: int, axis: int, limit: int) -> int:
+        """Return up to how many more digits, of one other coordinate, the intervals are filled evenly."""
+        for digit in range(limit):
+            state = self.refine(state, axis, digit)
+            if state is None:
+                return digit
+        return limit
+
+    @abc.abstractmethod
+    def refine(self, state: Any, axis: int, digit: int) -> Any:
+        """Return the state with one more digit of a coordinate, None if intervals are then not even.
+
+        It has all previous digits of the coordinate.
+        """
+
+
+class _MatrixNet(_Net):
     """The rows of the matrices; a state of the search is a basis of the rows chosen so far.
 
     With d_j digits of coordinate j, the interval of a point is the product of the first d_j rows of
@@ -29,28 +52,11 @@ class MatrixNet(abc.ABC):
     this map is onto, that is, if these rows are independent.
     """
 
-    root: tuple = ()
-
     def __init__(self, m: int, rows: list[list[Any]]):
-        self.m = m
-        self.dims = len(rows)
-        self._rows = rows
-
-    def even_digits(self, state: tuple, used: int, axis: int, limit: int) -> int:
-        """Return how many of the first ``limit`` rows of one matrix are independent of the state."""
-        for digit in range(limit):
-            refined = self.refine(state, axis, digit)
-            if refined is None:
-                return digit
-            state = refined
-        return limit
-
-    @abc.abstractmethod
-    def refine(self, state: tuple, axis: int, digit: int) -> tuple | None:
-        """Return the state with one more row, None if it depends on the others."""
+        self.m, self.dims, self._rows = m, len(rows), rows
 
 
-class _BinaryNet(MatrixNet):
+class _BinaryNet(_MatrixNet):
     """Rows over F_2, as Python integers. Each row of a basis lacks the leading ones of the previous rows."""
 
     def refine(self, state: tuple[int, ...], axis: int, digit: int) -> tuple[int, ...] | None:
@@ -60,7 +66,7 @@ class _BinaryNet(MatrixNet):
         return (*state, row) if row else None
 
 
-class _PrimeNet(MatrixNet):
+class _PrimeNet(_MatrixNet):
     """Rows over F_q, as arrays. A basis contains pairs of a column and a vector that is 1 there."""
 
     def __init__(self, m: int, rows: list[list[Any]], q: int):
@@ -77,7 +83,7 @@ class _PrimeNet(MatrixNet):
         return (*state, (column, row * pow(int(row[column]), -1, self._q) % self._q))
 
 
-def matrix_net(matrices: NDArray, base: int, m: int | None) -> MatrixNet:
+def _matrix_net(matrices: NDArray, base: int, m: int | None) -> _MatrixNet:
     """Return the net of the first ``base**m`` points of generator matrices, packed in words or not."""
     q = number_theory.prime("base", base)
     if matrices.dtype.kind not in "iu":
@@ -203,27 +209,11 @@ def projection_t_values(
     return {axes: net.m - _strength(net, axes) for axes in combinations(range(net.dims), size)}
 
 
-class _Net(Protocol):
-    """Input of the search for t; states stand for a choice of leading digits of some coordinates."""
-
-    m: int
-    dims: int
-    root: Any
-
-    def even_digits(self, state: Any, used: int, axis: int, limit: int) -> int:
-        """Return up to how many more digits, of one other coordinate, the intervals are filled evenly."""
-        ...
-
-    def refine(self, state: Any, axis: int, digit: int) -> Any:
-        """Return the state with one more digit of a coordinate; it has all previous digits."""
-        ...
-
-
 def _net(points_or_matrices: ArrayLike, base: int, m: int | None) -> _Net:
     name = "points_or_matrices"
     given = _arguments.array(name, points_or_matrices, "an array of points or of matrices")
     if m is not None or given.ndim == 3:
-        return matrix_net(given, base, m)
+        return _matrix_net(given, base, m)
     return _PointNet(fractions(given, name), checks.integer("base", base, 2, number_theory.FIELD_LIMIT - 1))
 
 
@@ -252,7 +242,7 @@ def _strength(net: _Net, axes: Sequence[int]) -> int:
     return strength
 
 
-class _PointNet:
+class _PointNet(_Net):
     """Points to be counted; a state of the search is the number of the interval of each point."""
 
     def __init__(self, points: NDArray, base: int):

@@ -1,8 +1,8 @@
 """Regenerate data of the library: ``python -m analysis.tables NAME ...``.
 
-Without a name, all programs are listed. Each yields its table, once or whenever it is better or more
-complete; it replaces the stored one immediately. Programs that compare floating point sums may end in other
-tables on another CPU.
+Without a name, all programs are listed. Each yields its table part by part: lines of a text, arrays of an
+archive. What there is so far is stored after each part; whole files (bytes) replace it. Programs that compare
+floating point sums may end in other tables on another CPU.
 """
 
 import argparse
@@ -11,13 +11,8 @@ from pathlib import Path
 from pkgutil import resolve_name
 from typing import Any
 
-import numpy as np
-
-from analysis.tables import CHOOSING, ORDERS, SAMPLERS, SEQUENCES, TRACED
+from analysis.tables import CHOOSING, ORDERS, SAMPLERS, SEQUENCES, TRACED, Content, write
 from qmcjax.scenes import traced
-
-Content = str | bytes | dict[str, Any]
-"""Of a text file, of any file, or of an archive of arrays."""
 
 TABLES: dict[str, tuple[Any, ...]] = {
     "joe_kuo.npz": ("sobol_components:joe_kuo", SEQUENCES),  # Half a minute.
@@ -35,6 +30,7 @@ TABLES: dict[str, tuple[Any, ...]] = {
     "optimized_joint.txt": ("joint_orders:table", SAMPLERS),  # A minute.
     "optimized_moving.txt": ("moving_orders:table", SAMPLERS),  # Minutes.
     "progressive.npz": ("progressive:table", SAMPLERS),  # Minutes.
+    "window_lattice.txt": ("window_lattice:table", SAMPLERS),  # A minute, 3 GB of memory.
     "masks.npz": ("tiles:both_masks", SAMPLERS),  # Minutes.
     "ranked.npz": ("tiles:ranked", SAMPLERS),  # Minutes.
     "designed.npz": ("tiles:table", SAMPLERS),  # An hour on two cores.
@@ -50,14 +46,11 @@ TABLES: dict[str, tuple[Any, ...]] = {
 """Name of the file: the program, which is in this package, the folder, and arguments of the program."""
 
 
-def write(path: Path, content: Content) -> None:
-    """Replace a file, keeping the old one until the new one is complete."""
-    part = path.with_name(f"{path.stem}.part{path.suffix}")
-    if isinstance(content, dict):
-        np.savez_compressed(part, **content)
-    else:
-        part.write_bytes(content.encode() if isinstance(content, str) else content)
-    part.replace(path)
+def joined(content: Content | None, part: Content) -> Content:
+    """Return the content of a file with one more part of its table."""
+    if isinstance(content, str) and isinstance(part, str):
+        return content + part
+    return content | part if isinstance(content, dict) and isinstance(part, dict) else part
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -74,8 +67,9 @@ def main(arguments: list[str] | None = None) -> None:
         if not given.names:
             print(path, program, *of)
             continue
-        began = time.monotonic()
-        for content in resolve_name(f"analysis.tables.{program}")(*of):
+        began, content = time.monotonic(), None
+        for part in resolve_name(f"analysis.tables.{program}")(*of):
+            content = joined(content, part)
             write(path, content)
             print(f"{path}: {path.stat().st_size} bytes after {time.monotonic() - began:.0f} s", flush=True)
 

@@ -20,9 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import analysis
-from analysis._searches.box_search import kronecker, search_boxes
-from analysis._searches.budget import Budget
-from analysis._searches.worst_boxes import WorstBoxes
+from analysis._host import Budget
+from analysis._searches.box_search import WorstBoxes, kronecker, search_boxes
 from analysis.tables import SEQUENCES
 from qmcjax import sequences
 
@@ -94,8 +93,8 @@ def _descents(
         points = kronecker(n, dims, rng)
         return (points + 0.05 / n * rng.normal(size=points.shape)) % 1
 
-    best, least, began = None, np.inf, time.process_time()
-    while best is None or time.process_time() - began < seconds:
+    best, least, budget = None, np.inf, Budget(None, seconds)
+    while budget.step() or best is None:
         points = min((perturbed() for _ in range(_STARTS)), key=MEASURES[discrepancy])
         found = analysis.optimize_points(points, measure, _STEPS, torus=discrepancy == "periodic")
         if found.values[-1] < least:

@@ -24,12 +24,7 @@ class Series(NamedTuple):
         return _normal(low.order, low.bits ^ high.bits >> high.order - low.order)
 
     def __mul__(self, other: Series) -> Series:  # type: ignore[override]
-        product, bits = 0, other.bits
-        while bits:
-            place = bits.bit_length() - 1
-            product ^= self.bits << place
-            bits ^= 1 << place
-        return _normal(self.order + other.order, product >> PRECISION - 1)
+        return _normal(self.order + other.order, product(self.bits, other.bits) >> PRECISION - 1)
 
     def root(self, n: int) -> Series:
         """Return the root of odd degree n, negative or not, of a series whose order is a multiple of n."""
@@ -50,6 +45,14 @@ class Series(NamedTuple):
         drop = PRECISION + self.order - stop
         bits = self.bits >> drop if drop >= 0 else self.bits << -drop
         return bits & (1 << stop - start) - 1
+
+
+def product(a: int, b: int) -> int:
+    """Multiply polynomials over F_2, whose coefficients are bits."""
+    result = 0
+    for k in range(b.bit_length()):
+        result ^= (b >> k & 1) * a << k
+    return result
 
 
 def _normal(order: int, bits: int) -> Series:

@@ -272,9 +272,8 @@ HEAD = """\
 
 def table() -> Iterator[str]:
     """Yield the words, by numbers of dimensions and of samples."""
-    text = HEAD
+    yield HEAD
     for dims in SEQUENCES:
         for log_count in range(LOG_COUNTS):
             words = search(dims, log_count)
-            text += " ".join([str(dims), str(log_count), *(f"{word:x}" for word in words)]) + "\n"
-            yield text
+            yield " ".join([str(dims), str(log_count), *(f"{word:x}" for word in words)]) + "\n"

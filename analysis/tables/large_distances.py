@@ -116,15 +116,14 @@ def anneal(m: int, core: NDArray[np.uint8] | None, rng: np.random.Generator) -> 
 def plane_nets() -> Iterator[str]:
     """Yield the matrices of optimized_net, order after order."""
     rng, matrices = np.random.default_rng(0), {}
-    lines = ["# m, squared minimum distance on the integer grid, rows of the matrix from the first digit on"]
+    yield "# m, squared minimum distance on the integer grid, rows of the matrix from the first digit on\n"
     for m in TARGETS:
         matrix = None
         while matrix is None:
             matrix = anneal(m, matrices.get(CORE.get(m)), rng)
         matrices[m] = matrix
         points = np.stack([np.arange(2**m), second_coordinates(matrix)], axis=1)
-        lines.append(f"{m} {squared_min_distance(points, 2**m)} {_digits(matrix[None])}")
-        yield "\n".join(lines) + "\n"
+        yield f"{m} {squared_min_distance(points, 2**m)} {_digits(matrix[None])}\n"
 
 
 # fmt: off
@@ -155,13 +154,10 @@ LATTICES = """\
 
 def space_nets() -> Iterator[str]:
     """Yield the matrices of optimized_net_3d, order after order."""
-    lines = [
-        "# m, squared minimum distance on the integer grid, rows of C_1, rows of C_2, first digits first"
-    ]
+    yield "# m, squared minimum distance on the integer grid, rows of C_1, rows of C_2, first digits first\n"
     for m, target in NETS.items():
         found = reach({m: target}, SEEDS.get(m, 0))
-        lines.append(f"{m} {found.squared[m]} {_digits(found.matrices)}")
-        yield "\n".join(lines) + "\n"
+        yield f"{m} {found.squared[m]} {_digits(found.matrices)}\n"
 
 
 def sequence() -> Iterator[str]:

@@ -204,8 +204,7 @@ HEAD = """\
 
 def table() -> Iterator[str]:
     """Yield the words, by number of samples."""
-    text = HEAD
+    yield HEAD
     for log_count in range(LOG_COUNTS):
         words, times = search(log_count)
-        text += " ".join([str(log_count), *(f"{word:x}" for word in [*words, *times.ravel()])]) + "\n"
-        yield text
+        yield " ".join([str(log_count), *(f"{word:x}" for word in [*words, *times.ravel()])]) + "\n"

@@ -135,9 +135,9 @@ def best(field: Field, tries: int) -> NDArray[np.uint32]:
 
 
 def table() -> Iterator[str]:
-    """Yield the text: first rows in the highest bits."""
-    lines = ["# Dimensions, and the columns of a matrix: first rows in the highest bits."]
+    """Yield the matrices, field after field."""
+    yield "# Dimensions, and the columns of a matrix: first rows in the highest bits.\n"
     for field in fields():
         found = best(field, TRIES)
-        lines += [" ".join([str(len(found)), *(f"{word:08x}" for word in matrix)]) for matrix in found]
-        yield "\n".join(lines) + "\n"
+        for matrix in found:
+            yield " ".join([str(len(found)), *(f"{word:08x}" for word in matrix)]) + "\n"

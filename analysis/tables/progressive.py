@@ -34,12 +34,13 @@ up to 128 samples. The cost is due to serving all 13 numbers: our order has 0.52
 """
 
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, islice
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.tables.function_fields import ONE, ZERO, Series, fields, power
 from analysis.tables.optimized_orders import (
     AROUND,
     COLD,
@@ -69,11 +70,6 @@ DIGITS = {2: 16, 4: 12}
 
 SEED = 1
 
-Series = NDArray[np.int64]
-"""The first coefficients of an expansion, 0 or 1."""
-
-ONE = np.eye(1, WORD, dtype=np.int64)[0]
-
 
 class Matrices(NamedTuple):
     """Of samples and pixels: uint32 (dims, 32), a column as a word, its first row in bit 31."""
@@ -82,38 +78,17 @@ class Matrices(NamedTuple):
     pixels: NDArray[np.uint32]
 
 
-def product(one: Series, other: Series) -> Series:
-    """Return the product of two series over F_2."""
-    return np.convolve(one, other)[:WORD] % 2
-
-
-def inverse(series: Series) -> Series:
-    """Return 1 over a series that begins with 1."""
-    found = ONE
-    for _ in range(WORD.bit_length()):
-        # By Newton's iteration: 1 / f = g**2 f if g is the inverse to half as many coefficients.
-        found = product(product(found, found), series)
-    return found
-
-
 def places(dims: int) -> Iterator[tuple[Series, Series]]:
     """Yield the expansions of x and y, of which y is 0 in two dimensions, at all places of coordinates."""
-    for at in (0, 1):
-        x = np.roll(ONE, 1) + at * ONE
-        if dims == 2:
-            yield x, 0 * ONE
-            continue
-        for value in (0, 1):
-            y, power = value * ONE, (product(product(x, x), x) + x) % 2
-            # y**2 + y = f has the solutions f + f**2 + f**4 + ..., and 1 more.
-            while power.any():
-                y, power = (y + power) % 2, product(power, power)
-            yield x, y
+    rational, elliptic = islice(fields(), 2)
+    for x, *basis in (rational if dims == 2 else elliptic).places:
+        if x.order >= 0:
+            yield x, ZERO if dims == 2 else basis[1]
 
 
 def words(functions: list[Series]) -> NDArray[np.uint32]:
     """Return series as columns: the first coefficient in bit 31."""
-    return (np.array(functions) @ (1 << np.arange(WORD - 1, -1, -1))).astype(np.uint32)
+    return np.array([function.coefficients(0, WORD) for function in functions], np.uint32)
 
 
 def matrices(dims: int, level: tuple[int, ...]) -> Matrices:
@@ -123,19 +98,14 @@ def matrices(dims: int, level: tuple[int, ...]) -> Matrices:
     """
     samples, pixels = [], []
     for x, y in places(dims):
-        powers = [ONE]
-        while len(powers) < WORD:
-            powers.append(product(powers[-1], x))
+        powers = [power(x, k) for k in range(WORD)]
         # The pole of x has order 2, that of y order 3: each order but 1 occurs.
-        with_y = [product(y, power) for power in powers]
-        of_order = [powers[0], *(f for pair in zip(powers[1:], with_y, strict=False) for f in pair)]
+        of_order = [powers[0], *(f for one in powers[:-1] for f in (one * x, one * y))]
         samples.append(words((powers if dims == 2 else of_order)[:WORD]))
-        basis = np.array([ONE, x, y, product(x, y)])
-        chosen = [(np.array([bits >> k & 1 for k in range(4)]) @ basis) % 2 for bits in level]
-        divisor, power, columns = inverse((ONE + x + product(x, x)) % 2), ONE, []
-        while len(columns) < WORD:
-            power = product(power, divisor)
-            columns += [product(power, function) for function in chosen]
+        basis = (ONE, x, y, x * y)
+        chosen = [sum((f for k, f in enumerate(basis) if bits >> k & 1), ZERO) for bits in level]
+        divisor = (ONE + x + x * x).inverse()
+        columns = [power(divisor, k + 1) * function for k in range(WORD // len(level)) for function in chosen]
         pixels.append(words(columns))
     return Matrices(np.array(samples), np.array(pixels))
 
@@ -222,10 +192,11 @@ def best_plane() -> tuple[int, ...]:
 
 def table() -> Iterator[dict[str, NDArray]]:
     """Yield positions and matrices of two and four dimensions."""
-    tables: dict[str, NDArray] = {}
     for dims, basis in ((2, (1, 2)), (4, best_plane())):
         made = matrices(dims, basis)
         found = search(made, tuple(range(LOG_COUNTS)), TRIALS)
-        tables[f"positions_{dims}"] = found.positions.astype(np.uint16)
-        tables[f"samples_{dims}"], tables[f"pixels_{dims}"] = made
-    yield tables
+        yield {
+            f"positions_{dims}": found.positions.astype(np.uint16),
+            f"samples_{dims}": made.samples,
+            f"pixels_{dims}": made.pixels,
+        }

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis import t_value
+
 Matrices = NDArray[np.int8]
 
 ORDER = 21
@@ -146,15 +148,6 @@ def quadruple(seed: int, last: int = ORDER) -> tuple[Matrices, list[int]] | None
     return known[0], ts
 
 
-def pair_t(one: Matrices, other: Matrices, order: int) -> int:
-    """Return t of two components."""
-    for total in range(order, 0, -1):
-        rows = [np.concatenate([one[:n, :order], other[: total - n, :order]]) for n in range(total + 1)]
-        if not dependencies(np.stack(rows))[0].any():
-            return order - total
-    return order
-
-
 def renumber(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Generator) -> Matrices:
     """Multiply a quadruple by an upper triangular matrix, which keeps t, to improve pairs with the others.
 
@@ -163,7 +156,7 @@ def renumber(quadruples: list[Matrices], matrices: Matrices, rng: np.random.Gene
 
     def cost(candidate: Matrices) -> int:
         pairs = [(one, other) for before in quadruples for one in before for other in candidate]
-        return sum(pair_t(one, other, order) ** 2 for one, other in pairs for order in CROSS_ORDERS)
+        return sum(t_value(np.stack(pair), base=3, m=order) ** 2 for pair in pairs for order in CROSS_ORDERS)
 
     candidates = []
     for _ in range(RENUMBERINGS if quadruples else 1):
@@ -176,12 +169,12 @@ def table() -> Iterator[str]:
     """Yield the matrices, quadruple after quadruple."""
     rng = np.random.default_rng(0)
     quadruples: list[Matrices] = []
-    lines = ["# Unit upper triangular matrices over F_3, one a line: rows, first digits first"]
+    yield "# Unit upper triangular matrices over F_3, one a line: rows, first digits first\n"
     for seed in itertools.count():
         if len(quadruples) == QUADRUPLES:
             return
         found = quadruple(seed)
         if found is not None:
             quadruples.append(renumber(quadruples, found[0], rng))
-            lines += [" ".join("".join(map(str, row)) for row in matrix) for matrix in quadruples[-1]]
-            yield "\n".join(lines) + "\n"
+            for matrix in quadruples[-1]:
+                yield " ".join("".join(map(str, row)) for row in matrix) + "\n"

@@ -187,7 +187,7 @@ def rows(name: str, setting: Setting, base: Logarithms) -> Iterator[list[str]]:
             yield [scene, kind, str(level), "{} x {}".format(*size), name, *map(str, numbers.ravel())]
 
 
-def table(of: str) -> Iterator[str]:
+def table(of: str) -> Iterator[bytes]:
     """Yield the table of a setting with the rows that were missing, sampler after sampler."""
     setting = SETTINGS[of]
     names, path = list(setting.candidates), CHOOSING / setting.file
@@ -203,4 +203,4 @@ def table(of: str) -> Iterator[str]:
         text.write(f"# 1000 ln(error / error of {BASE}); {setting.keys} keys\n")
         writer = csv.writer(text, lineterminator="\n")
         writer.writerows([["scene", "kind", "level", "size", "sampler", *numbers], *known])
-        yield text.getvalue()
+        yield text.getvalue().encode()

@@ -1,9 +1,6 @@
 """Components of the Sobol' sequence: by Joe and Kuo, for a cascaded net of small t, and pairs with t = 1.
 
-**The table of Joe and Kuo** is extracted from scipy's Sobol' engine, through its public interface. In Gray
-code order, point 2**(k+1) - 1 is column k. Degree s means that the first s columns are free and column s
-follows from Eq. 5.13 of the thesis. In this equation the coefficients of the polynomial form a triangular
-system, since every m_k is odd.
+**The table of Joe and Kuo** is that of scipy, without the component of ones.
 
 **The components of the cascaded net** are chosen greedily, dimension by dimension:
 ``python -m analysis.tables.sobol_components`` prints the tuple of ``cascaded_net`` (minutes). The cost
@@ -27,73 +24,38 @@ with each previous one.
 """
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
+from scipy import stats
 
 from analysis import t_value
+from analysis.tables.function_fields import product
+from qmcjax.core.number_theory import is_irreducible
 from qmcjax.sequences import DirectionNumbers, direction_numbers_text, sobol, sobol_of
-
-DIMS = 21201
-MOST_DEGREES = 18
 
 CASCADED = 32
 COMPONENTS = 60
 CASCADE_SIZES = range(4, 15)
 
 
-def columns(count: int) -> np.ndarray:
-    """Return the numbers m_1 .. m_count of all components, shape (DIMS, count)."""
-    engine = qmc.Sobol(DIMS, scramble=False, bits=32)
-    numbers, position = [], 0
-    for k in range(count):
-        engine.fast_forward(2 ** (k + 1) - 1 - position)
-        fraction = engine.random(1)[0]
-        position = 2 ** (k + 1)
-        numbers.append((fraction * 2.0 ** (k + 1)).astype(np.uint64))
-    return np.stack(numbers, axis=1)
-
-
 def joe_kuo() -> Iterator[dict[str, NDArray]]:
     """Yield the polynomials and initial direction numbers."""
-    numbers = columns(MOST_DEGREES + 1)
-    polynomials = np.zeros(DIMS - 1, np.uint32)
-    initial = np.zeros((DIMS - 1, MOST_DEGREES), np.uint32)
-    component, degree = 1, 1
-    while component < DIMS:
-        # Joe and Kuo take the primitive polynomials in the order of their degrees.
-        for _ in range(primitive_count(degree)):
-            if component == DIMS:
-                break
-            m = [int(v) for v in numbers[component]]
-            rest = m[degree] ^ m[0] ^ (m[0] << degree)
-            polynomial = (1 << degree) | 1
-            for i in range(1, degree):
-                if rest >> i & 1:
-                    rest ^= m[degree - i] << i
-                    polynomial |= 1 << (degree - i)
-            if rest:
-                raise ArithmeticError(f"component {component} does not have degree {degree}")
-            polynomials[component - 1] = polynomial
-            initial[component - 1, :degree] = m[:degree]
-            component += 1
-        degree += 1
-    yield {"polynomials": polynomials, "initial": initial}
+    with np.load(Path(stats.__file__).with_name("_sobol_direction_numbers.npz")) as table:
+        names = {"polynomials": "poly", "initial": "vinit"}
+        yield {name: table[theirs][1:].astype(np.uint32) for name, theirs in names.items()}
 
 
-def primitive_count(degree: int) -> int:
-    """Return the number of primitive polynomials over F2, phi(2**degree - 1) / degree."""
-    order = totient = 2**degree - 1
-    factor = 2
-    while factor <= order:
-        if order % factor == 0:
-            totient -= totient // factor
-            while order % factor == 0:
-                order //= factor
-        factor += 1
-    return max(totient // degree, 1)
+def sum_of(costs: Iterable[int], most: float) -> float:
+    """Return a sum, or a partial sum that reached ``most``."""
+    total = 0
+    for cost in costs:
+        total += cost
+        if total >= most:
+            break
+    return total
 
 
 def following(columns: NDArray[np.uint32], m: int, matrix: NDArray[np.uint32]) -> NDArray[np.uint32]:
@@ -107,12 +69,10 @@ def cascade_cost(nets: dict[int, list[NDArray[np.uint32]]], most: float) -> floa
     last = len(nets[CASCADE_SIZES[0]]) - 1
     sets = [(j, last) for j in range(last - 2, -1, -1)]
     sets += [tuple(range(last - k, last + 1)) for k in (2, 3) if last >= k]
-    total = 0
-    for dims in sets:
-        total += sum(t_value(_words([net[j] for j in dims]), m=m) ** 2 for m, net in nets.items())
-        if total >= most:
-            break
-    return total
+    costs = (
+        sum(t_value(_words([net[j] for j in dims]), m=m) ** 2 for m, net in nets.items()) for dims in sets
+    )
+    return sum_of(costs, most)
 
 
 def _words(columns: list[NDArray[np.uint32]]) -> NDArray[np.uint32]:
@@ -150,30 +110,9 @@ FOUND = 8
 PAIR_SIZES = (4, 7, 10, 13)
 
 
-def product(a: int, b: int) -> int:
-    """Multiply polynomials over F2."""
-    result = 0
-    for k in range(b.bit_length()):
-        if b >> k & 1:
-            result ^= a << k
-    return result
-
-
 def quadratic(p: int) -> int:
     """Return p**2 + p + 1."""
     return product(p, p) ^ p ^ 1
-
-
-def is_irreducible(polynomial: int) -> bool:
-    """Return whether no polynomial of at most half the degree divides one."""
-    degree = polynomial.bit_length() - 1
-    return all(_remainder(polynomial, divisor) for divisor in range(2, 2 ** (degree // 2 + 1)))
-
-
-def _remainder(a: int, b: int) -> int:
-    while (beyond := a.bit_length() - b.bit_length()) >= 0:
-        a ^= b << beyond
-    return a
 
 
 def rows_of(numerators: list[int], polynomial: int, count: int) -> list[int]:
@@ -267,15 +206,10 @@ def pair_cost(matrices: NDArray[np.uint32], most: float) -> float:
     last = len(matrices) - 2
     sets = [tuple(range(last - 2, last + 2))]
     sets += [(j, k) for j in range(last - 1, -1, -1) for k in (last, last + 1)]
-    total = 0
-    for dims in sets:
-        total += sum(t_value(matrices[list(dims)], m=m) for m in PAIR_SIZES)
-        if total >= most:
-            break
-    return total
+    return sum_of((sum(t_value(matrices[list(dims)], m=m) for m in PAIR_SIZES) for dims in sets), most)
 
 
-def pairs() -> Iterator[str]:
+def pairs() -> Iterator[bytes]:
     """Yield the direction numbers, pair after pair."""
     draw = random.Random(1)
     numbers = [DirectionNumbers(0b11, (1,))]
@@ -289,4 +223,4 @@ def pairs() -> Iterator[str]:
             if costs < least:
                 least, best = costs, found
         numbers += best
-        yield direction_numbers_text(numbers)
+        yield direction_numbers_text(numbers).encode()

@@ -99,11 +99,10 @@ def both_masks() -> Iterator[dict[str, NDArray]]:
 
 def ranked() -> Iterator[dict[str, NDArray]]:
     """Yield the keys of the ranked sampler in two, three and four dimensions."""
-    tables: dict[str, NDArray] = {"seeds": SEEDS}
+    yield {"seeds": SEEDS}
     for dims in (2, 3, 4):
         keys, ranks = arrange_keys(dims, np.random.default_rng(dims))
-        tables |= {f"keys_{dims}": keys, f"ranks_{dims}": ranks}
-        yield tables
+        yield {f"keys_{dims}": keys, f"ranks_{dims}": ranks}
 
 
 KEY = 1
@@ -123,11 +122,6 @@ _IN_TIME = (
 
 _JOINT = {"half_spaces": 1.0, "half_planes": 1.0, "steps": 0.5}
 """In four dimensions: scenes often depend on the time alone, or on a point on a lens or light."""
-
-
-def _equal(filters: tuple[Filter, ...], shape: tuple[int, ...]) -> list[Filter]:
-    """Return filters weighted to give independent samples equal errors after each of them."""
-    return [one._replace(weight=1 / autocorrelation(shape, one)[0, 0, 0]) for one in filters]
 
 
 TILES: dict[str, dict[str, Any]] = {
@@ -157,14 +151,14 @@ def tile(name: str) -> NDArray[np.uint16]:
     if how["dims"] == 4:
         how["integrands"] = _JOINT
     if frames:
-        how["filters"] = _equal(_IN_TIME, (side, side, frames))
+        # Independent samples have equal errors after each filter.
+        shape = side, side, frames
+        how["filters"] = [f._replace(weight=1 / autocorrelation(shape, f)[0, 0, 0]) for f in _IN_TIME]
     points = design_samples(side, side, key=KEY, **how, progress=progress_bar(name)).points
     return tile_words(points if frames else points[:, :, None])
 
 
 def table() -> Iterator[dict[str, NDArray]]:
     """Yield the tiles, one after the other."""
-    tiles: dict[str, NDArray] = {}
     for name in TILES:
-        tiles[name] = tile(name)
-        yield tiles
+        yield {name: tile(name)}

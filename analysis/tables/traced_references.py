@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 import qmcjax as qj
+from analysis.tables import write
 from qmcjax import samplers, scenes, sequences
 from qmcjax.scenes import traced
 
@@ -52,14 +53,11 @@ def replicates(scene: Any, side: int, spp: int, cache: Path) -> NDArray[np.float
     folder.mkdir(parents=True, exist_ok=True)
     images = []
     for number in range(REPLICATES):
-        path = folder / f"{number:02}.npy"
+        path = folder / f"{number:02}.npz"
         if not path.exists():
-            unfinished = folder / f"{number:02}.unfinished"
-            image = replicate(scene, number, side, spp)
-            with unfinished.open("wb") as stream:
-                np.save(stream, image)
-            unfinished.replace(path)
-        images.append(np.load(path).astype(np.float64))
+            write(path, {"image": replicate(scene, number, side, spp)})
+        with np.load(path) as stored:
+            images.append(stored["image"].astype(np.float64))
     return np.stack(images)
 
 

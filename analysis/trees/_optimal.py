@@ -61,7 +61,8 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
     if tree.size < 3:
         return tree
     children, low, high = tree.children.copy(), np.array(tree.low), np.array(tree.high)
-    for nodes in _upper(tree, top):
+    nodes_by_level = list(by_level(tree.children))  # Deepest first.
+    for nodes in nodes_by_level if top is None else nodes_by_level[-top:]:
         below, inner, many = _open(children, nodes, most)
         for count in range(3, most + 1):
             rows = np.flatnonzero(many == count)
@@ -69,12 +70,6 @@ def optimal_subtrees(tree: Tree, leaves: int = 8, levels: int | None = None) -> 
                 if len(part):
                     _arrange(children, low, high, tree.times, below[part, :count], inner[part, : count - 1])
     return fit(children, low[..., : tree.size, :], high[..., : tree.size, :], tree.times)
-
-
-def _upper(tree: Tree, top: int | None) -> list[NDArray[np.int64]]:
-    """Return the inner nodes by levels, deepest first, optionally only levels near the root."""
-    found = list(by_level(tree.children))
-    return found if top is None else found[-top:]
 
 
 def _open(children: NDArray, nodes: NDArray, most: int) -> tuple[NDArray, NDArray, NDArray]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._star.critical_grid import LocalDiscrepancy
+from analysis._discrepancy.critical_grid import LocalDiscrepancy
 
 _MARGIN = 2.0**-19
 """More than the rounding errors of a bound: 32 roundings to float32 of numbers of at most 1."""

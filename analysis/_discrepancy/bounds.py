@@ -9,10 +9,10 @@ from jax.core import Tracer
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
+from analysis._discrepancy.critical_grid import attained_by_box, critical_grid, rounding
+from analysis._discrepancy.regions import refine, threshold_accepting
+from analysis._discrepancy.star_discrepancy import star_discrepancy, worst_box
 from analysis._host import Attained, Floats, call_back
-from analysis._star.critical_grid import attained_by_box, critical_grid, rounding
-from analysis._star.regions import refine, threshold_accepting
-from analysis._star.star_discrepancy import star_discrepancy, worst_box
 from qmcjax.core import checks
 
 _CELLS = 2**24

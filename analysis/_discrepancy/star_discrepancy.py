@@ -14,11 +14,11 @@ from jax.scipy.special import logsumexp
 from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
+from analysis._discrepancy.critical_grid import LocalDiscrepancy, attained_by_box, critical_grid
+from analysis._discrepancy.plane import many_star_discrepancy, plane_star_discrepancy
+from analysis._discrepancy.regions import refine
+from analysis._discrepancy.space import space_star_discrepancy
 from analysis._host import COMPILED, call_back
-from analysis._star.critical_grid import LocalDiscrepancy, attained_by_box, critical_grid
-from analysis._star.plane import many_star_discrepancy, plane_star_discrepancy
-from analysis._star.regions import refine
-from analysis._star.space import space_star_discrepancy
 from qmcjax.core import checks
 
 _REGIONS = 2**22

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from functools import partial
+from typing import Protocol
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from jax.core import Tracer
 from jax.typing import ArrayLike, DTypeLike
 
 from analysis import _arguments
-from analysis._l2.kernels import (
+from analysis._discrepancy.kernels import (
     CENTERED,
     MIXTURE,
     PERIODIC,
@@ -22,9 +23,9 @@ from analysis._l2.kernels import (
     add,
     constant,
     multiply,
+    pair_sum,
     total,
 )
-from analysis._l2.pairs import pair_sum
 
 _POINTS = 2**24
 """Maximum number of points: for more, sums over all pairs would not be exact."""
@@ -75,135 +76,96 @@ def l2_star_discrepancy(points: ArrayLike) -> Array:
     return _discrepancy(points, STAR)
 
 
-def centered_discrepancy(points: ArrayLike) -> Array:
+class _Measure(Protocol):
+    def __call__(self, points: ArrayLike) -> Array: ...
+
+
+def _by_kernel(
+    kernel: Kernel, name: str, summary: str, returned: str, reference: str, example: float
+) -> _Measure:
+    """Return the discrepancy of a kernel; ``example``: its square for one point in the middle of the line."""
+
+    def discrepancy(points: ArrayLike) -> Array:
+        return _discrepancy(points, kernel)
+
+    discrepancy.__name__ = discrepancy.__qualname__ = f"{name}_discrepancy"
+    discrepancy.__doc__ = f"""{summary}
+
+    Parameters
+    ----------
+    points : float ArrayLike, shape (n, d) or (n,)
+        As for `l2_star_discrepancy`; its notes apply, too.
+
+    Returns
+    -------
+    float64 Array, shape ()
+        {returned}
+
+    References
+    ----------
+    .. [1] {reference}
+
+    Examples
+    --------
+    >>> print(f"{{{name}_discrepancy([[0.5]]) ** 2:.6f}}")
+    {example:.6f}
+    """
+    return discrepancy
+
+
+_SCIPY = "The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``{}``."
+
+centered_discrepancy = _by_kernel(
+    CENTERED,
+    "centered",
     """Return the centered L2 discrepancy, over boxes between a point and the nearest corner of the cube.
 
-    The mean square is summed over the projections onto all sets of axes, after Hickernell [1]_.
+    The mean square is summed over the projections onto all sets of axes, after Hickernell [1]_.""",
+    _SCIPY.format('"CD"'),
+    'F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.',
+    1 / 12,
+)
 
-    Parameters
-    ----------
-    points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`; its notes apply, too.
+wraparound_discrepancy = _by_kernel(
+    WRAPAROUND,
+    "wraparound",
+    "Return the wrap-around L2 discrepancy, over all boxes of the torus and in all projections [1]_.",
+    _SCIPY.format('"WD"'),
+    'F. J. Hickernell, "Lattice rules: how well do they measure up?", 1998.',
+    1 / 6,
+)
 
-    Returns
-    -------
-    float64 Array, shape ()
-        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"CD"``.
-
-    References
-    ----------
-    .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
-
-    Examples
-    --------
-    >>> print(f"{centered_discrepancy([[0.5]]) ** 2:.6f}")
-    0.083333
-    """
-    return _discrepancy(points, CENTERED)
-
-
-def wraparound_discrepancy(points: ArrayLike) -> Array:
-    """Return the wrap-around L2 discrepancy, over all boxes of the torus and in all projections.
-
-    Parameters
-    ----------
-    points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`; its notes apply, too.
-
-    Returns
-    -------
-    float64 Array, shape ()
-        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"WD"``.
-
-    References
-    ----------
-    .. [1] F. J. Hickernell, "Lattice rules: how well do they measure up?", 1998.
-
-    Examples
-    --------
-    >>> print(f"{wraparound_discrepancy([[0.5]]) ** 2:.6f}")
-    0.166667
-    """
-    return _discrepancy(points, WRAPAROUND)
-
-
-def periodic_discrepancy(points: ArrayLike) -> Array:
+periodic_discrepancy = _by_kernel(
+    PERIODIC,
+    "periodic",
     """Return the periodic L2 discrepancy, the root of the mean square over all boxes of the torus.
 
-    Unlike the wrap-around discrepancy it does not include projections.
+    Unlike the wrap-around discrepancy it does not include projections.""",
+    "Divided by n, like the other discrepancies; [1]_ omits this.",
+    """A. Hinrichs, R. Kritzinger, F. Pillichshammer, "Extreme and periodic L2 discrepancy of plane point
+       sets", 2021.""",
+    1 / 6,
+)
 
-    Parameters
-    ----------
-    points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`; its notes apply, too.
-
-    Returns
-    -------
-    float64 Array, shape ()
-        Divided by n, like the other discrepancies; [1]_ omits this.
-
-    References
-    ----------
-    .. [1] A. Hinrichs, R. Kritzinger, F. Pillichshammer, "Extreme and periodic L2 discrepancy of plane point
-       sets", 2021.
-
-    Examples
-    --------
-    >>> print(f"{periodic_discrepancy([[0.5]]) ** 2:.6f}")
-    0.166667
-    """
-    return _discrepancy(points, PERIODIC)
-
-
-def symmetric_discrepancy(points: ArrayLike) -> Array:
+symmetric_discrepancy = _by_kernel(
+    SYMMETRIC,
+    "symmetric",
     """Return the symmetric L2 discrepancy, over unions of the boxes between a point and the even corners.
 
-    The mean square is summed over all projections and multiplied by 4, after Hickernell [1]_.
+    The mean square is summed over all projections and multiplied by 4, after Hickernell [1]_.""",
+    "Twice the L2 star discrepancy in one dimension.",
+    'F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.',
+    1 / 3,
+)
 
-    Parameters
-    ----------
-    points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`; its notes apply, too.
-
-    Returns
-    -------
-    float64 Array, shape (), twice the L2 star discrepancy in one dimension
-
-    References
-    ----------
-    .. [1] F. J. Hickernell, "A generalized discrepancy and quadrature error bound", 1998.
-
-    Examples
-    --------
-    >>> print(f"{symmetric_discrepancy([[0.5]]) ** 2:.6f}")
-    0.333333
-    """
-    return _discrepancy(points, SYMMETRIC)
-
-
-def mixture_discrepancy(points: ArrayLike) -> Array:
-    """Return the mixture discrepancy, a mean of centered and wrap-around discrepancies in all projections.
-
-    Parameters
-    ----------
-    points : float ArrayLike, shape (n, d) or (n,)
-        As for `l2_star_discrepancy`; its notes apply, too.
-
-    Returns
-    -------
-    float64 Array, shape ()
-        The root of what ``scipy.stats.qmc.discrepancy`` returns for the method ``"MD"``.
-
-    References
-    ----------
-    .. [1] Y.-D. Zhou, K.-T. Fang, J.-H. Ning, "Mixture discrepancy for quasi-random point sets", 2013.
-
-    Examples
-    --------
-    >>> print(f"{mixture_discrepancy([[0.5]]) ** 2:.6f}")
-    0.125000
-    """
-    return _discrepancy(points, MIXTURE)
+mixture_discrepancy = _by_kernel(
+    MIXTURE,
+    "mixture",
+    "Return the mixture discrepancy, a mean of centered and wrap-around ones in all projections [1]_.",
+    _SCIPY.format('"MD"'),
+    'Y.-D. Zhou, K.-T. Fang, J.-H. Ning, "Mixture discrepancy for quasi-random point sets", 2013.',
+    1 / 8,
+)
 
 
 def _discrepancy(points: ArrayLike, kernel: Kernel) -> Array:

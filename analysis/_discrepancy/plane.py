@@ -5,8 +5,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis._discrepancy.critical_grid import LocalDiscrepancy
 from analysis._host import compiled, threads
-from analysis._star.critical_grid import LocalDiscrepancy
 
 _MARGIN = 1e-14
 """More than the rounding errors of the bounds on tiles."""

@@ -32,7 +32,7 @@ region's worst box.
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis._star.critical_grid import (
+from analysis._discrepancy.critical_grid import (
     CriticalGrid,
     LocalDiscrepancy,
     contains,

@@ -1,1 +1,0 @@
-"""L2 discrepancies, by pairs, in twice float64."""

@@ -1,1 +1,0 @@
-"""Star discrepancy: exact in two and three dimensions, bounded in more, and smoothed."""

@@ -128,7 +128,6 @@ def _show(folder: Path, catalogue: Mapping[str, Entry], failed: Sequence[str]) -
 
 def until_nobody_reads() -> int:
     """Run the command line, and end quietly when who reads what it prints, such as ``head``, has ended."""
-    packages.check()
     try:
         status = main()
         sys.stdout.flush()
@@ -139,4 +138,5 @@ def until_nobody_reads() -> int:
 
 
 if __name__ == "__main__":
+    packages.check("qmcjax", "analysis", "figures")
     sys.exit(until_nobody_reads())

@@ -1,27 +1,21 @@
-"""HTML by templates that escape the values they are given."""
+"""HTML by the templates of the pages, which escape the values they are given."""
 
-import html
-from collections.abc import Iterable
-from string import Template
+from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup as Markup
 
-class Markup(str):
-    """HTML as it is, not to be escaped again."""
-
-
-def fill(template: str, **values: Any) -> Markup:
-    """Return a ``string.Template`` with values in place of its names, escaped unless they are `Markup`.
-
-    Iterables of markup are put together. Templates have attributes in double quotes.
-    """
-    return Markup(Template(template).substitute({name: _text(value) for name, value in values.items()}))
-
-
-def join(parts: Iterable[Markup]) -> Markup:
-    """Put pieces of markup together."""
-    return Markup("\n".join(parts))
+_TEMPLATES = Environment(
+    loader=FileSystemLoader(Path(__file__).parent / "page" / "templates"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
 
 
-def _text(value: Any) -> str:
-    return value if isinstance(value, Markup) else html.escape(str(value), quote=False).replace('"', "&quot;")
+def render(template: str, **values: Any) -> Markup:
+    """Fill a template with values, escaped unless they are `Markup`; its attributes are in double quotes."""
+    text = _TEMPLATES.get_template(f"{template}.html").render(values)
+    return Markup(text.replace("&#39;", "'"))  # Names of samplers have many.

@@ -50,7 +50,7 @@ examples:
   qmcjax thesis-6.1 --format pdf        also as vector graphics
   qmcjax --out gallery --jobs 4         four figures at a time, into gallery/
   qmcjax compare --help                 compare samplers: yours, ours, and those of others
-  qmcjax export --help                  your sampler as source code in C, GLSL, WGSL, HLSL or CUDA
+  qmcjax export --help                  your sampler as source code in C, GLSL, HLSL, CUDA, Rust and others
   qmcjax mask --help                    masks of blue noise of any size, as files
 
 Each figure becomes <name>.png in the output folder. numbers.json there contains what was measured beside \

@@ -113,12 +113,11 @@ TITLES = {
     "designed-samplers": "Designed tiles beside other samplers, in animations, and for scenes",
     "denoisers": "After a denoiser, regular errors can be the largest: it keeps them as a texture",
     "discrepancy-records": "Searched points have about half of Sobol's star discrepancy, and less in L2",
-    "intervals": "Intervals hold what they promise, or say that they are not sure",
+    "intervals": "Betting intervals held every integral; others are narrower, and miss some",
+    "smooth": "For smooth integrands lattices with a tent beat Sobol' points, interlaced nets in 3-D only",
     "mitsuba-samplers": "Our samplers and Mitsuba's, in Mitsuba 3",
-    "skipping": "Skipping constant pixels keeps the error, but time may fall less than the samples",
+    "playground": "The page renders two samplers side by side, by shaders",
     "speed": "Points and measures are faster than other programs', rays and paths about as fast",
-    "scale": "Time is proportional to the samples of an image, memory is not",
-    "stability": "Single precision suffices for rays near the origin, not for distant ones",
     "hilbert-1": "Of the four curves, none has fewer segments in its worst 3x3 neighbourhood than Hilbert's",
     "hilbert-2": "Many neighbours on the Hilbert curve differ by 3, a base of the Halton sequence",
     "hilbert-3": "Radical inverses leave regular structures along all four curves",
@@ -138,7 +137,7 @@ TITLES = {
     "z-10": "Filtered errors of Z are within a fifth of the least, except for motion blur",
     "z-11": "Z and the (0,2)-sequence are alike in the interior; three scenes are too noisy to tell",
     "z-12": "Hashing and large tables are alike, a single letter hinders convergence",
-    "z-splitting": "Splitting as one set has least error in shadows, none is better for edges in the box",
+    "z-splitting": "Splitting as one set has least filtered error in shadows, none is better for edges",
     "z-table-1": "From 4 samples per pixel on, the global Sobol' sequence is slower than Z",
 }
 """What a reader learns from each figure, where a stored finding says it; else what is shown."""
@@ -155,7 +154,7 @@ OUR_SCENE = frozenset(
 TIMED = frozenset(
     """
     thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 thesis-5.4 benchmark designed-samplers
-    mitsuba-samplers skipping speed scale z-table-1
+    mitsuba-samplers speed z-table-1
     """.split()
 )
 """Figures that measure time: in paper quality nothing runs beside them."""
@@ -237,7 +236,6 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 
 NO_DRAFT = {
     "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
-    "scale": "it has two points per line",
     "speed": "its calls are too small to be timed",
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has two counts of fourteen, in milliseconds",

@@ -19,6 +19,9 @@ LANGUAGES = {
     ".hlsl": "hlsl",
     ".cu": "cuda",
     ".cuh": "cuda",
+    ".metal": "metal",
+    ".slang": "slang",
+    ".rs": "rust",
 }
 """Languages by the suffixes of files."""
 
@@ -40,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     tables = given.out.with_name(f"{given.out.name}.tables")
     try:
         value = _made(import_object(given.object), given.object, {**size, "key": given.key})
-        text = source(value, given.dims, language, given.name, **size)
+        text = source(value, given.dims, language, given.name, **size, vectors=given.vectors)
         given.out.parent.mkdir(parents=True, exist_ok=True)
         if text.tables.size:
             store.write(tables, text.tables.astype("<u4").tobytes())
@@ -88,6 +91,7 @@ example:
     parser.add_argument("--name", default="mine", metavar="NAME", help="prefix of all names (default: mine)")
     for name, what in (("width", "columns"), ("height", "rows"), ("spp", "samples per pixel")):
         parser.add_argument(f"--{name}", type=int, metavar="N", help=f"{what}, checked against the sampler's")
+    parser.add_argument("--vectors", type=int, default=0, metavar="N", help="golden vectors (default: 0)")
     parser.add_argument("--key", type=int, default=0, metavar="N", help="key for the function (default: 0)")
     return parser
 

@@ -8,15 +8,16 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
 import analysis
 from figures._options import command, count
 from figures.compare import report, samplers
 from figures.compare.entries import Entry, NotSupportedError, available, of_program
-from figures.compare.measuring import Run
+from figures.compare.measuring import FUNCTIONS, Run
 from figures.compare.scores import BASE
-from figures.compare.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size, reference
+from figures.compare.tasks import DIMS, REFERENCE, SCENES, SCORED, TRACED, Ground, Size
 from figures.making import store
 from figures.shared.rivals import RIVALS
 
@@ -61,16 +62,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _plan(argv: Sequence[str], given: argparse.Namespace) -> Run:
     """Return what is to be measured, or raise an error of wrong usage."""
-    ground, size = _ground(given), Size(given.size, tuple(given.spp), given.keys)
+    measures = tuple(dict.fromkeys(given.measures))
+    for name in measures:
+        FUNCTIONS[name](np.ones((1, 1)), np.ones((1, 1)))  # Its package is there.
+    ground, size = _ground(given), Size(given.size, tuple(given.spp), given.keys, measures)
     focus = [*map(samplers.parse, given.entries), *map(of_program, given.program)]
     others = map(samplers.parse, given.against or AGAINST)
     by_text = {entry.text: entry for entry in (samplers.parse(BASE), *focus, *others)}
     entries = {entry.name: entry for entry in _different_names(by_text.values())}
     names = [name for name, entry in entries.items() if entry.text in {each.text for each in focus}]
     promises = {name: _broken(entries[name], size, ground) for name in names if entries[name].make}
-    run = Run(shlex.join(["qmcjax", "compare", *argv]), size, ground, entries, names, promises)
-    run.references |= {name: reference(name, given.size, given.size) for name in ground.scenes}
-    return run
+    return Run(shlex.join(["qmcjax", "compare", *argv]), size, ground, entries, names, promises)
 
 
 def _ground(given: argparse.Namespace) -> Ground:
@@ -151,6 +153,9 @@ examples:
         metavar="N",
         help="images with different keys (default: 8)",
     )
+    what = "further measures, in table, summary and picture"
+    names = ", ".join(FUNCTIONS)
+    add("--measures", nargs="+", choices=FUNCTIONS, default=[], metavar="NAME", help=f"{what}: {names}")
     folder = Path("out/compare")
     add("--out", type=Path, default=folder, metavar="DIR", help=f"folder (default: {folder})")
     return parser

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 
 from figures import plot
 from figures._rc import PAGE
-from figures.compare.scores import BASE, MEASURES, Ratios, Score, class_means, families
+from figures.compare.scores import BASE, NAMES, Ratios, Score, class_means, families
 from figures.shared.rivals import RIVALS
 
 DRAWN = ("rms", "filtered")
-"""Measures, a panel each."""
+"""Measures, a panel each, beside those that were asked for."""
 
 MOST, LETTERS = 2, 42
 """Names of entries that a title has, and letters of its lines, which are no wider than a panel."""
@@ -27,7 +27,9 @@ Curves = dict[str, dict[int, Score]]
 """By entry and number of samples; of an entry without a measure, none."""
 
 
-def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[str, Curves]]:
+def curves(
+    ratios: Mapping[str, Ratios], spps: Sequence[int], further: Sequence[str] = ()
+) -> dict[str, dict[str, Curves]]:
     """Return the scores of each number of samples, by family of tasks and by measure."""
     by_place: dict[str, dict[str, Curves]] = {}
     for spp in spps:
@@ -37,10 +39,10 @@ def curves(ratios: Mapping[str, Ratios], spps: Sequence[int]) -> dict[str, dict[
         }
         classes = {name: class_means(of, [spp]) for name, of in at.items()}
         for name in [name for name in at if name != BASE]:
-            for measure in DRAWN:
+            for measure in (*DRAWN, *further):
                 for place, score in families(classes[name], classes[BASE], measure).items():
                     of_place = by_place.setdefault(place, {each: {} for each in DRAWN})
-                    of_place[measure].setdefault(name, {})[spp] = score
+                    of_place.setdefault(measure, {}).setdefault(name, {})[spp] = score
     return by_place
 
 
@@ -49,11 +51,15 @@ def errors(of: Mapping[str, Mapping[str, Curves]], names: Iterable[str], spps: S
     labels = [_label(name) for name in names]
     look: dict[Any, Any] = {"svg.hashsalt": "compare", "svg.fonttype": "none", "font.family": "sans-serif"}
     with plot.rc(), mpl.rc_context(look):
-        figure = Figure(figsize=(PAGE, 3.2 * max(1, len(of))), layout="constrained")
-        rows = figure.subplots(max(1, len(of)), len(DRAWN), squeeze=False)
+        panels = max([len(DRAWN), *map(len, of.values())])
+        size = (PAGE * panels / len(DRAWN), 3.2 * max(1, len(of)))
+        figure = Figure(figsize=size, layout="constrained")
+        rows = figure.subplots(max(1, len(of)), panels, squeeze=False)
         for row, (place, by_measure) in zip(rows, of.items(), strict=False):
-            for axes, (measure, by_entry) in zip(row, by_measure.items(), strict=True):
-                _panel(axes, title(f"{place}, {MEASURES[measure]}", by_entry), by_entry, labels, spps)
+            for axes in row[len(by_measure) :]:
+                axes.set_axis_off()
+            for axes, (measure, by_entry) in zip(row, by_measure.items(), strict=False):
+                _panel(axes, title(f"{place}, {NAMES[measure]}", by_entry), by_entry, labels, spps)
         buffer = io.BytesIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None})
         return buffer.getvalue()

@@ -1,12 +1,10 @@
 """What a comparison writes: table (CSV), scores (JSON), a summary (Markdown) and a picture."""
 
-import itertools
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from analysis import Comparison
 from figures.compare import pictures, scores
 from figures.compare.measuring import Run
 from figures.compare.scores import BASE, FORMAT, IN_TIME, NAMES, Ratios, Score
@@ -16,7 +14,7 @@ from qmcjax.core import tables
 TABLE, SCORES, MARKDOWN, PICTURE = "compare.csv", "scores.json", "compare.md", "compare.svg"
 
 SUMMARY = ("rms", "filtered", IN_TIME)
-"""Measures of the summary."""
+"""Measures of the summary, beside those that were asked for."""
 
 Numbers = list[float | None]
 """A score: middle, low and high."""
@@ -32,7 +30,7 @@ def write(run: Run, folder: Path) -> Path:
     text = f'{json.dumps(head, ensure_ascii=False)[:-1]}, "entries": {{\n' + ",\n".join(each) + "\n}}\n"
     store.write(folder / SCORES, text.encode())
     store.write(folder / MARKDOWN, summary(run, kept).encode())
-    curves = pictures.curves(ratios, run.size.spps)
+    curves = pictures.curves(ratios, run.size.spps, run.size.measures)
     store.write(folder / PICTURE, pictures.errors(curves, run.entries, run.size.spps))
     return folder / MARKDOWN
 
@@ -56,27 +54,12 @@ def summary(run: Run, kept: Mapping[str, Any]) -> str:
 
 
 def text(run: Run) -> str:
-    """Return errors on scenes and over integrands, and what is left out and why, as lines for a terminal."""
-    parts = [str(compared(run))] if run.references else []
-    if run.ground.integrands:
-        ratios = {name: scores.ratios(of, run.measured[BASE]) for name, of in run.measured.items()}
-        heads, lines = summary_table(entries_json(run, ratios))
-        parts.append(tables.aligned(list(zip(heads, *lines, strict=True))))
-        for (name, why), cells in run.missing.items():
-            parts.append(f"left out: {name}, {', '.join(cells)}: {why}")
+    """Return the summary's table, and what is left out and why, as lines for a terminal."""
+    ratios = {name: scores.ratios(of, run.measured[BASE]) for name, of in run.measured.items()}
+    heads, lines = summary_table(entries_json(run, ratios))
+    parts = [tables.aligned(list(zip(heads, *lines, strict=True)))]
+    parts += [f"left out: {name}, {', '.join(cells)}: {why}" for (name, why), cells in run.missing.items()]
     return "\n".join(parts)
-
-
-def compared(run: Run) -> Comparison:
-    """Return the images of scenes, and why others are missing."""
-    rows = tuple(row for of in run.measured.values() for row in of.rows)
-    reasons = {(name, cell): why for (name, why), cells in run.missing.items() for cell in cells}
-    found, left_out = {(row.scene, row.sampler, row.spp) for row in rows}, {}
-    for name, dims, spp in itertools.product(run.entries, run.ground.dims(), run.size.spps):
-        why = reasons.get((name, f"{dims}-D, {spp} samples"), run.failed.get(name, "it is a sequence"))
-        left_out |= {(scene, name, spp): why for scene in run.ground.scenes_in(dims)}
-    left_out = {place: why for place, why in left_out.items() if place not in found}
-    return Comparison(rows, {}, {}, left_out, run.references)
 
 
 def entries_json(run: Run, ratios: Mapping[str, Ratios]) -> dict[str, dict[str, Any]]:
@@ -87,7 +70,8 @@ def entries_json(run: Run, ratios: Mapping[str, Ratios]) -> dict[str, dict[str, 
         by_class: dict[str, dict[str, Numbers]] = {}
         for (dims, kind, measure), logarithms in of.items():
             by_class.setdefault(f"{kind}, {dims}-D", {})[measure] = _numbers(Score.of(logarithms))
-        families = {measure: scores.families(of, classes[BASE], measure) for measure in SUMMARY}
+        measures = (*SUMMARY, *run.size.measures)
+        families = {measure: scores.families(of, classes[BASE], measure) for measure in measures}
         seconds, missing = run.measured[name].seconds, run.missing.items()
         kept[name] = {
             "origin": run.entries[name].origin,
@@ -109,7 +93,7 @@ def _numbers(score: Score) -> Numbers:
 def summary_table(kept: Mapping[str, Any]) -> tuple[list[str], list[list[str]]]:
     """Return heads and rows of the summary: a column for each family and measure, and the time."""
     base = kept[BASE]["summary"]
-    columns = [(family, measure) for family in base["rms"] for measure in SUMMARY if family in base[measure]]
+    columns = [(family, measure) for family in base["rms"] for measure in base if family in base[measure]]
     lines = []
     for name, of in kept.items():
         values = [of["summary"][measure].get(family, [None])[0] for family, measure in columns]

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis import ComparisonRow
 from figures.compare import tasks
 from figures.compare.tasks import Task
 from qmcjax.core import student
@@ -21,11 +20,14 @@ MEASURES = {
 }
 """Of images, as `analysis.compare` names them; entries without images have the first alone."""
 
-SETS = ("t", "t_pairs", "l2_star", "star_low", "star_high")
-"""Measures of the points of a pixel."""
-
-ON_SCREEN = ("screen_star", "screen_distance")
-"""Measures of the points of up to 16 x 16 pixels, in their square."""
+FURTHER = {
+    "relative": "relative error",
+    "trimmed": "trimmed error",
+    "median": "median error",
+    "flip": "FLIP",
+    "hdr_flip": "HDR-FLIP",
+}
+"""On request."""
 
 FORMAT = 1
 """Of table and scores: another one where the meaning of columns, their units, or tasks change."""
@@ -38,10 +40,11 @@ IN_TIME = "in_time"
 
 NAMES = {
     **MEASURES,
+    **FURTHER,
     PREFIX: "RMS error of prefixes",
     IN_TIME: "error of frames filtered in space and time",
 }
-"""All measures in words; those of images as rows of comparisons name them."""
+"""All measures in words."""
 
 BASE = "random"
 """The entry that scores are relative to."""
@@ -70,17 +73,8 @@ class Measured:
 
     errors: dict[Task, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
     """By task and measure, for each key; for one, if the images of all keys are equal."""
-    sets: dict[tuple[int, int], dict[str, float]] = field(default_factory=dict)
-    """Measures of points, by dimensions and samples."""
-    rows: list[ComparisonRow] = field(default_factory=list)
-    """The images of scenes."""
     seconds: float = math.nan
     """For a million points."""
-
-    def add(self, task: Task, row: ComparisonRow) -> None:
-        """Add the images of a scene."""
-        self.rows.append(row)
-        self.errors[task] = {m: np.array(row.values[name]) for m, name in NAMES.items() if name in row.values}
 
 
 Ratios = dict[tuple[Task, str], NDArray[np.float64]]
@@ -150,12 +144,11 @@ def rows(found: Mapping[str, Measured]) -> list[dict[str, Any]]:
                     score = Score.of(np.log(values))
                 row |= dict(zip((measure, f"{measure}_low", f"{measure}_high"), score, strict=True))
             filled.append(row)
-        for (dims, spp), sets in of.sets.items():
-            filled.append(_head(entry, dims, "points", "pixel", spp, spp) | sets)
         if math.isfinite(of.seconds):
             filled.append(_head(entry, "", "points", "time", "", "") | {"seconds_per_million": of.seconds})
-    errors = [f"{name}{end}" for name in (*MEASURES, IN_TIME) for end in ("", "_low", "_high")]
-    names = (*_head(*[""] * 6), *errors, *SETS, *ON_SCREEN, "seconds_per_million")
+    further = [name for name in FURTHER if any(name in row for row in filled)]
+    errors = [f"{name}{end}" for name in (*MEASURES, *further, IN_TIME) for end in ("", "_low", "_high")]
+    names = (*_head(*[""] * 6), *errors, "seconds_per_million")
     return [{name: row.get(name, "") for name in names} for row in filled]
 
 

@@ -79,6 +79,8 @@ class Size(NamedTuple):
     side: int
     spps: tuple[int, ...]
     keys: int
+    measures: tuple[str, ...] = ()
+    """Further ones, of images."""
 
 
 class Integrands(NamedTuple):

@@ -5,6 +5,7 @@ scores when the page is built.
 """
 
 import json
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import jax
@@ -14,7 +15,6 @@ from sphinx.util.docutils import SphinxDirective
 
 import qmcjax as qj
 from figures import ledger
-from figures.docs.tables import table
 from figures.shared.sampler_errors import which_sampler
 from qmcjax.choosing import CANDIDATES, LEVELS, MEASURES, SPPS
 
@@ -37,6 +37,18 @@ def smallest(level: int, spp: int, filtered: bool) -> tuple[str, float, int]:
         if size <= SMALL:
             return name, of.others[name].ratio if name in of.others else 1.0, size
     raise AssertionError("a sampler without tables is always there")
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> nodes.table:
+    """Return a table; each line of a text is a paragraph."""
+
+    def row(texts: Sequence[str]) -> nodes.row:
+        cells = ([nodes.paragraph(text=line) for line in text.split("\n")] for text in texts)
+        return nodes.row("", *(nodes.entry("", *cell) for cell in cells))
+
+    columns = [nodes.colspec(colwidth=1) for _ in heads]
+    head, body = nodes.thead("", row(heads)), nodes.tbody("", *map(row, rows))
+    return nodes.table("", nodes.tgroup("", *columns, head, body, cols=len(heads)))
 
 
 class WhichSampler(SphinxDirective):

@@ -95,7 +95,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         MEAN: {title: _uniformity(rows[1], points)[0] for title, points in SEQUENCES.items()}
     }
     measured["Wunderlich's meander"] = _measure(meander(round(math.log(sides[1], 3))))
-    measured["maxima of the 512 variants of the Peano curve"] = _count_variants()
+    maxima = [analysis.segment_counts(of)[1:-1, 1:-1].max() for of in peano_variants(VARIANT_DIGITS)]
+    measured["maxima of the 512 variants of the Peano curve"] = _histogram(list(map(int, maxima)))
     return figure, {"measured": measured, "claims": _claims(measured), "note": NOTE}
 
 
@@ -273,9 +274,3 @@ def _draw_shares(axes: Axes, place: int, of_curve: dict) -> None:
 def _shade(count: int) -> tuple[float, ...]:
     """Return the green of a number of segments."""
     return colormaps["Greens"](0.1 + 0.13 * (count - 1))
-
-
-def _count_variants() -> dict[str, int]:
-    """Count the variants of the Peano curve by their maximum."""
-    curves = peano_variants(VARIANT_DIGITS)
-    return _histogram([int(analysis.segment_counts(curve)[1:-1, 1:-1].max()) for curve in curves])

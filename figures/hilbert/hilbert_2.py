@@ -52,7 +52,7 @@ NOTE = (
     "symmetries are exact from left to right for Morton, Hilbert and Moore, and under a half turn for "
     "Peano. About the diagonal, Peano's shades are strongly symmetric for phi_2, whose leading bit forms "
     "a checkerboard, and weakly for phi_3 and phi_5; a quarter of its differences equal those of the "
-    "mirrored edges, fewer than for Hilbert and Moore."
+    "mirrored edges, fewer than for Hilbert and Moore. Panels that are not drawn are measured, too."
 )
 
 
@@ -60,8 +60,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     """Draw the curves over their radical inverses, with the differences on the shared edges."""
     figure = new_figure(
         "Many neighbours on the Hilbert curve differ by 3, a base of the Halton sequence\n"
-        "Hilbert paper, Fig. 2; grey: radical inverses; numbers: differences of positions across edges\n"
-        "(1 is left out), orange: multiples of the base",
+        "Hilbert paper, six of the twelve panels of Fig. 2; grey: radical inverses\n"
+        "numbers: differences of positions across edges (1 is left out), orange: multiples of the base",
         5.6,
     )
     for axes, (name, base, caption) in zip(figure.subplots(2, 3).flat, PANELS, strict=True):

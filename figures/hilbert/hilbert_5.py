@@ -88,7 +88,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
     compared = {spp: ways(len(scene.needs), side, spp) for spp in counts}
-    found = scene_images.compare(scene, side, compared, lambda part: progress(0.5 + 0.5 * part))
+    found = scene_images.compare(scene, side, compared, lambda part: progress(0.5 + 0.5 * part), len(counts))
     for (spp, name), image in found.items():
         images[f"{name}, {spp} spp"] = image[area]
         of = diffusion.measures(image, exact, area) | _by_area(image, exact, area, smooth)
@@ -141,7 +141,7 @@ def _render_passes(scene: Any, side: int, spp: int) -> NDArray[np.float64]:
     """Return the mean of four passes in contiguous blocks, each with digits permuted anew."""
     curve, dims = orders.hilbert(side, side), len(scene.needs)
     passes = [samplers.contiguous(curve, sequences.halton(dims, "random", key), spp // 4) for key in range(4)]
-    return np.mean([scene_images.replicate(scene, sampler, side, spp // 4) for sampler in passes], axis=0)
+    return np.mean([scene_images.image(scene, each, side, spp // 4, len(passes)) for each in passes], axis=0)
 
 
 def _smooth(image: NDArray) -> NDArray[np.bool_]:

@@ -28,7 +28,8 @@ NOTE = (
     "row above. Velho and Gomes [28] also make clusters of pixels, which printers need; here all have one "
     "pixel. Floyd and Steinberg hand the error to four pixels of the plane. Anisotropy is the variation of "
     "the error's power among directions, in decibels: 0 or less in noise that has no preferred one. "
-    "Filtered is the RMS error after a Gaussian of 1.5 pixels, compared over 16 parts of the image."
+    "Filtered is the RMS error after a Gaussian of 1.5 pixels, compared over 16 parts of the image. "
+    "The image is encoded for a screen, dots are not: seen from afar, both emit the same light."
 )
 
 

@@ -123,13 +123,20 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
         return Finding(claim, "differs" if claim.contrary else "untested", "", {}, why)
     numbers = entries.get(claim.figure, {}).get("numbers", {})
     found = numbers.get("claims", {}).get(claim.key)
-    if found is None:  # A reason with numbers is none without them.
-        return Finding(claim, "missing", "", {}, "" if "{" in why else why)
-    measured, why = (text.format_map(_readable(numbers)) for text in (claim.measured or "", why))
+    plain = "" if "{" in why else why  # A reason with numbers is none without them.
+    if found is None:
+        return Finding(claim, "missing", "", {}, plain)
+    result = verdict(found)
+    try:
+        measured, why = (text.format_map(_readable(numbers)) for text in (claim.measured or "", why))
+    except KeyError:  # Drafts have no intervals of what they leave undecided.
+        if result != "undecided":
+            raise
+        measured, why = "", plain
     if claim.question is not None:
         return Finding(claim, "ours", measured, _answer(found), why)
     cases = {} if isinstance(found, bool | str) else found
-    return Finding(claim, verdict(found), measured, cases, why)
+    return Finding(claim, result, measured, cases, why)
 
 
 def _answer(found: Found | Mapping[str, Found]) -> Mapping[str, Found]:

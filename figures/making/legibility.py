@@ -15,7 +15,9 @@ TOLERATED = 1.5
 
 def faults(figure: Any) -> list[str]:
     """Return the faults of a figure that has been drawn, at its own resolution."""
+    from matplotlib.axes import Axes
     from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.text import Text
 
     from figures._rc import COLUMN, PAGE
 
@@ -23,9 +25,13 @@ def faults(figure: Any) -> list[str]:
     wrong = []
     if min(abs(width - COLUMN), abs(width - PAGE)) > 0.01 or height > TALLEST:
         wrong.append(f"{width:.2f} x {height:.2f} inches")
-    axes = [each for each in figure.findobj(_is_axes) if each.get_visible()]
+    axes = [each for each in figure.findobj(Axes) if each.get_visible()]
     hidden = {id(text) for each in axes for text in _hidden_ticks(each)}
-    texts = [text for text in figure.findobj(_has_words) if id(text) not in hidden]
+    texts = [
+        text
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text().strip() and id(text) not in hidden
+    ]
     wrong += [
         f"{_quote(text)} has {text.get_fontsize():g} pt" for text in texts if text.get_fontsize() < SMALLEST
     ]
@@ -53,18 +59,6 @@ def _box(text: Any, renderer: Any) -> Any:
     lines, words = text.get_text().count("\n") + 1, text.get_text().rstrip("\n").count("\n") + 1
     box.y0 = box.y1 - (box.y1 - box.y0) * words / lines
     return box
-
-
-def _is_axes(artist: Any) -> bool:
-    from matplotlib.axes import Axes
-
-    return isinstance(artist, Axes)
-
-
-def _has_words(artist: Any) -> bool:
-    from matplotlib.text import Text
-
-    return isinstance(artist, Text) and artist.get_visible() and bool(artist.get_text().strip())
 
 
 def _hidden_ticks(axes: Any) -> list[Any]:

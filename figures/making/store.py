@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 NUMBERS = "numbers.json"
-IMAGE_PARTS = ("file", "difference", "spectrum")
+IMAGE_PARTS = ("file", "difference", "filtered", "spectrum")
 """The files of an exported image."""
 
 

@@ -15,7 +15,7 @@ from types import ModuleType
 from typing import Any
 
 PROC = Path("/proc")
-INTERVAL = 0.2
+INTERVAL = 0.5
 """Seconds between measurements of memory."""
 
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
-from typing import Any, TextIO
+from typing import TextIO
 
 from tqdm import tqdm
 
@@ -19,7 +19,7 @@ from figures.making.workers import Done, Failed, Task, run
 CELLS = ".cells"
 """The folder of finished cells of unfinished figures."""
 
-PAGE_INTERVAL = 5
+PAGE_INTERVAL = 20
 """Seconds between updates of the page while figures are made."""
 
 
@@ -79,13 +79,14 @@ def outdated(tasks: Sequence[Task], folder: Path) -> list[Task]:
 def missing(tasks: Sequence[Task], folder: Path) -> list[Task]:
     """Return the figures that are outdated or lack a file."""
     entries = store.known(folder, warn)
-    return [task for task in tasks if not _is_whole(task, folder, entries.get(task.name, {}))]
-
-
-def _is_whole(task: Task, folder: Path, entry: Mapping[str, Any]) -> bool:
-    ends = (*task.formats, *entry.get("files", ()))
-    files = [f"{task.name}.{end}" for end in ends] + store.image_files(task.name, entry)
-    return entry.get("fingerprint") == task.fingerprint and all((folder / file).is_file() for file in files)
+    left = []
+    for task in tasks:
+        entry = entries.get(task.name, {})
+        ends = (*task.formats, *entry.get("files", ()))
+        files = [f"{task.name}.{end}" for end in ends] + store.image_files(task.name, entry)
+        if entry.get("fingerprint") != task.fingerprint or not all((folder / of).is_file() for of in files):
+            left.append(task)
+    return left
 
 
 def make(

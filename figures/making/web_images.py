@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 import analysis
 from figures import plot
@@ -19,6 +20,9 @@ SHADES = 16
 DECADES = (-2.0, 2.0)
 """Powers of ten that are black and white in a spectrum; the mean power is 10^0."""
 
+SIGMA = 1.5
+"""Pixels: the standard deviation of the filter."""
+
 DEVIATIONS = 3
 """The difference that is white, in root mean squares."""
 
@@ -29,15 +33,16 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
     ``images``: finite floats, linear, or uint8, shape (height, width) or (height, width, 3). Names such as
     "Z, 16 spp" make a series. Returns the WebPs by the part of their file names after the figure's name, and
     a description: width, height, transfer, and the items. An item has a name, spp in a series, and a file;
-    all except the reference also have the files of difference and spectrum, the root mean square of the
-    difference and the scale of its picture.
+    all except the reference also have the files of the difference, also filtered, and its spectrum,
+    the root mean squares of both differences, and the scales of their pictures.
     """
     arrays = _check(images)
     first, *others = arrays
     coded = arrays[first].dtype == np.uint8
     values = {name: array / 255 if coded else array for name, array in arrays.items()}
     differences = {name: values[name] - values[first] for name in others}
-    scales = _scales(differences)
+    filtered = {name: _filtered(difference) for name, difference in differences.items()}
+    scales, filtered_scales = _scales(differences), _scales(filtered)
 
     def add(name: str, pixels: NDArray[np.uint8]) -> str:
         buffer = io.BytesIO()  # A lossless WebP is a fifth smaller than a PNG.
@@ -56,11 +61,14 @@ def encode(images: Mapping[str, ArrayLike]) -> tuple[dict[str, bytes], dict[str,
                 "name": sampler,
                 **({} if spp is None else {"spp": spp}),
                 "difference": add(f"{slug(name)}.difference", _signed(differences[name], scales[spp])),
+                "filtered": add(f"{slug(name)}.filtered", _signed(filtered[name], filtered_scales[spp])),
                 "spectrum": add(f"{slug(name)}.spectrum", _spectrum(values[name], values[first])),
                 "rms": rms(differences[name]),
                 "scale": scales[spp],
+                "filtered_rms": rms(filtered[name]),
+                "filtered_scale": filtered_scales[spp],
             }
-    if len(files) != 1 + 3 * len(others):
+    if len(files) != 1 + 4 * len(others):
         raise ValueError(f"images must have names that differ in letters or digits, got {list(images)}")
     height, width = arrays[first].shape[:2]
     transfer = AS_IT_IS if coded else TRANSFER
@@ -120,6 +128,12 @@ def _round_up(value: float) -> float:
 
 def _grey(image: NDArray) -> NDArray:
     return image if image.ndim == 2 else image.mean(axis=2)
+
+
+def _filtered(difference: NDArray) -> NDArray:
+    """Return a difference after the filter of :func:`analysis.filtered_error`: a Gaussian, on a torus."""
+    sides = (SIGMA, SIGMA, 0)[: difference.ndim]
+    return gaussian_filter(difference, sides, mode="wrap", truncate=8)
 
 
 def _signed(difference: NDArray, scale: float) -> NDArray[np.uint8]:

@@ -1,1 +1,1 @@
-"""Figures of our own: speed, stability, and what the papers leave open."""
+"""Figures of our own: speed, designs, and what the papers leave open."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from figures.making import this_machine
 from figures.plot import style
@@ -146,3 +146,7 @@ def _lines(axes: Axes, rows: Rows) -> None:
     name_axes(axes, "seconds per image", "RMS error", log="xy")
     # Those of a decade would overlap.
     axes.xaxis.set_minor_formatter(NullFormatter())
+    low, high = axes.get_xlim()
+    if high < 10 * low:  # Powers of ten alone may leave the axis without any number.
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter("{x:g}")

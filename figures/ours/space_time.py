@@ -134,16 +134,12 @@ def moving() -> bytes:
     return moving_picture(frames, ALPHA)
 
 
-def _in_blocks(error: NDArray[np.float64]) -> NDArray[np.float64]:
-    blocks = len(WINDOW)
-    return error.reshape(-1, blocks, *error.shape[1:]).mean(axis=1)
-
-
 def columns(error: NDArray[np.float64]) -> list[float]:
     """Return root mean squares of errors after each filter."""
     none = np.zeros(error.shape[1:])
     found = [analysis.filtered_error(error, none, sigma, time) for sigma, time in COLUMNS.values()]
-    return [*found, analysis.filtered_error(_in_blocks(error), none, 0, 0), _reprojected(error)]
+    in_blocks = error.reshape(-1, len(WINDOW), *error.shape[1:]).mean(axis=1)
+    return [*found, analysis.filtered_error(in_blocks, none, 0, 0), _reprojected(error)]
 
 
 def _reprojected(error: NDArray[np.float64]) -> float:

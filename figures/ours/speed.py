@@ -19,8 +19,7 @@ from figures.making import this_machine
 from figures.shared.costs import in_turns, median, timed
 from figures.shared.mitsuba_runs import mitsuba_scenes
 from figures.shared.sheets.panels import new_figure
-from figures.shared.timing import device_rates, point_rates, ray_rates
-from figures.shared.timing.measure_scaling import Call, Points, random, sobol
+from figures.shared.timing import point_rates, ray_rates
 from qmcjax import scenes, sequences, tracing
 from qmcjax.choosing import CANDIDATES
 
@@ -35,6 +34,10 @@ NOTE_ON_MEASURES = (
 )
 
 
+Points = NDArray[np.float64]
+Call = Callable[[Any], Any]
+
+
 class Peer(NamedTuple):
     """A measure, what a user would take instead, and numbers of points by quality."""
 
@@ -46,8 +49,8 @@ class Peer(NamedTuple):
     paper: int
 
 
-def _lattice(n: int, dims: int, block: int) -> Points:
-    return np.asarray(sequences.lattice(dims).points(n, block * n, dtype=jnp.float64))
+def _of(make: Callable[[int], sequences.Sequence]) -> Callable[[int, int, int], Points]:
+    return lambda n, dims, block: np.asarray(make(dims).points(n, block * n, dtype=jnp.float64))
 
 
 def _clustered(n: int, dims: int, key: int) -> Points:
@@ -56,9 +59,9 @@ def _clustered(n: int, dims: int, key: int) -> Points:
 
 
 FAMILIES: dict[str, Callable[[int, int, int], Points]] = {
-    "Sobol'": sobol,
-    "random": random,
-    "lattice": _lattice,
+    "Sobol'": _of(sequences.sobol),
+    "random": lambda n, dims, key: np.random.default_rng(key).random((n, dims)),
+    "lattice": _of(sequences.lattice),
     "clustered": _clustered,
 }
 
@@ -68,16 +71,17 @@ def _nearest_by_tree(points: Points) -> float:
     return float(np.asarray(distances)[:, 1].min())
 
 
-def _scipy_l2_star(points: Points) -> float:
-    return float(qmc.discrepancy(points, method="L2-star"))
-
-
 PEERS = {
     f"min distance, {dims}-D": Peer(analysis.min_distance, _nearest_by_tree, "cKDTree", dims, 2**14, 2**20)
     for dims in (2, 3)
 } | {
     "L2 star and gradient, 2-D": Peer(
-        jax.value_and_grad(analysis.l2_star_discrepancy), _scipy_l2_star, "scipy", 2, 2**9, 2**14
+        jax.value_and_grad(analysis.l2_star_discrepancy),
+        lambda points: qmc.discrepancy(points, method="L2-star"),
+        "scipy",
+        2,
+        2**9,
+        2**14,
     ),
 }
 
@@ -128,35 +132,27 @@ def cases() -> dict[str, tracing.PathTracing]:
 
 
 def _paths(scene: tracing.PathTracing, side: int, spp: int, turns: int) -> dict[str, Any]:
-    paths = side * side * spp
-    compiling = {name: _our_image(scene, side, spp, points, 0)[1] for name, points in POINTS.items()}
-    seconds: dict[str, list[float]] = {name: [] for name in POINTS}
-    means: dict[str, list[float]] = {name: [] for name in POINTS}
-    for turn in range(1, turns + 1):
+    seconds: dict[str, list[float]] = {}
+    means: dict[str, list[float]] = {}
+    for turn in range(turns + 1):
         for name, points in POINTS.items():
-            image, took = _our_image(scene, side, spp, points, turn)
-            seconds[name].append(took)
-            means[name].append(float(image.mean()))
-        if mitsuba_scenes.installed():
+            sampler = points(len(scene.needs), side, side, spp, turn)
+            image, took = timed(qj.render, scene, sampler, side, side, spp)
+            seconds.setdefault(name, []).append(took.clock)
+            means.setdefault(name, []).append(float(np.mean(image)))
+        if turn and mitsuba_scenes.installed():
             # The first of two wakes its threads.
             images, both = mitsuba_scenes.render_image(scene, side, side, spp, [2 * turn, 2 * turn + 1])
-            seconds.setdefault("Mitsuba", []).append(both[1])
-            means.setdefault("Mitsuba", []).append(float(images.mean()))
-    rates = {name: paths / float(np.median(times)) for name, times in seconds.items()}
+            seconds.setdefault("Mitsuba", [np.nan]).append(both[1])
+            means.setdefault("Mitsuba", [np.nan]).append(float(images.mean()))
     return {
         "primitives": scene.world.count,
-        "paths per second": rates,
-        "seconds of the first image": compiling,
-        "mean of the images": {name: float(np.mean(values)) for name, values in means.items()},
+        "paths per second": {
+            name: side * side * spp / float(np.median(of[1:])) for name, of in seconds.items()
+        },
+        "seconds of the first image": {name: seconds[name][0] for name in POINTS},
+        "mean of the images": {name: float(np.mean(of[1:])) for name, of in means.items()},
     }
-
-
-def _our_image(
-    scene: tracing.PathTracing, side: int, spp: int, points: Callable[..., Any], key: int
-) -> tuple[NDArray[np.float32], float]:
-    sampler = points(len(scene.needs), side, side, spp, key)
-    image, seconds = timed(qj.render, scene, sampler, side, side, spp)
-    return np.asarray(image), seconds.clock
 
 
 ALIKE = 1.25
@@ -168,81 +164,75 @@ Ratios = dict[str, float]
 NOTE = (
     "All are medians of calls after the first. Points: scipy and torch draw block after block, QMCPy "
     "its first points each time. Peers compute float64. Their scrambling is linear, except QMCPy's "
-    "nested uniform one, compared with our exact Owen scrambling. {rays} {paths} {measures} With a GPU, "
-    "rates of whole programs are shown next to those of the CPU and to the limit of an H100 by the "
-    "operations and bytes that XLA counts. Peers not installed are omitted (pip install -e '.[bench]' "
-    "brings QMCPy and torch)."
+    "nested uniform one, compared with our exact Owen scrambling. {rays} {paths} {measures} Peers not "
+    "installed are omitted (pip install -e '.[bench]' brings QMCPy and torch)."
 )
-
-Rates = Mapping[str, Mapping[str, float]]
-"""By case and way."""
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
     """Measure one kind after the other, points in a separate process, and draw ratios."""
-    made = this_machine.measure_apart(point_rates, quality)
-    progress(0.2)
-    on_device = this_machine.measure_apart(device_rates, quality)
+    points = this_machine.measure_apart(point_rates, quality)
     progress(0.3)
-    of_rays, about_rays = ray_rates.measure(quality)
+    rays, about_rays = ray_rates.measure(quality)
     progress(0.6)
-    of_paths, about_paths = path_rates(quality)
+    paths, about_paths = path_rates(quality)
     progress(0.8)
     measures = measure_rates(quality)
-    points = {case["case"]: case["ours"] | case["peers"] for case in made["cases"]}
-    paths = {name: of["paths per second"] for name, of in of_paths.items()}
-
-    figure = _draw(made["cases"], of_rays, paths, measures, on_device)
-    claims, between = _claims(points)
-    numbers = {
-        "measured": {
-            "points": made,
-            "points, ours / fastest peer": _ratios(made["cases"]),
-            "rates over those of others": between,
-            "rays": of_rays,
-            "rays, compiled / Embree per processor second": {
-                name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
-                for name, ways in of_rays.items()
-                if "compiled" in ways and "Embree" in ways
-            },
-            "paths": of_paths,
-            "measures": measures,
-            "devices": on_device,
-        },
-        "claims": claims,
-        "note": NOTE.format(rays=about_rays, paths=about_paths, measures=NOTE_ON_MEASURES),
+    of_points = {
+        case["case"]: {name: rate / max(case["peers"].values()) for name, rate in case["ours"].items()}
+        for case in points["cases"]
+        if case["peers"]
     }
-    return figure, numbers
-
-
-def _draw(cases: list[dict], rays: Any, paths: Rates, measures: Rates, on_device: Any) -> Figure:
-    """Draw a bar for each case: how many times as fast as the fastest other program ours is."""
+    of_rays = {
+        name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
+        for name, ways in rays.items()
+        if {"compiled", "Embree"} <= ways.keys()
+    }
     compared: dict[str, Ratios] = {
-        "points: scipy, QMCPy or torch": {
-            _short(case): of["float32"] for case, of in _ratios(cases).items() if "float32" in of
-        },
-        "rays: Embree, one thread each": {
-            name: ways["compiled"]["per processor second"] / ways["Embree"]["per processor second"]
-            for name, ways in rays.items()
-            if {"compiled", "Embree"} <= ways.keys()
-        },
+        "points: scipy, QMCPy or torch": {_short(case): of["float32"] for case, of in of_points.items()},
+        "rays: Embree, one thread each": of_rays,
         "paths: Mitsuba": {
-            f"{name}, {way.removeprefix('qmcjax, ')}": rate / of["Mitsuba"]
+            f"{name}, {way.removeprefix('qmcjax, ')}": rate / of["paths per second"]["Mitsuba"]
             for name, of in paths.items()
-            for way, rate in of.items()
-            if way in POINTS and "Mitsuba" in of
+            for way, rate in of["paths per second"].items()
+            if way in POINTS and "Mitsuba" in of["paths per second"]
         },
         "measures: cKDTree, scipy": {
-            case: measures[f"{case}, Sobol'"]["qmcjax"] / measures[f"{case}, Sobol'"][PEERS[name].name]
-            for name in PEERS
-            for case in {each.rpartition(",")[0] for each in measures if each.startswith(name)}
-        },
-        "on a GPU: the processor": {
-            name: of["rate"] / of["processor"]
-            for name, of in (on_device["programs"] if on_device else {}).items()
+            case.removesuffix(", Sobol'"): of["qmcjax"] / rate
+            for case, of in measures.items()
+            for peer, rate in of.items()
+            if case.endswith(", Sobol'") and peer != "qmcjax"
         },
     }
-    compared = {kind: of for kind, of in compared.items() if of}
+
+    def rate(title: str) -> float:
+        return next(of["ours"]["float32"] for of in points["cases"] if of["case"].startswith(title))
+
+    pairs = (("Faure", "Sobol'"), ("permutation net", "rank-1 lattice"))
+    between = {f"{one} / {other}": rate(one) / rate(other) for one, other in pairs}
+    faure, nets = between.values()
+    return _draw({kind: of for kind, of in compared.items() if of}), {
+        "measured": {
+            "points": points,
+            "points, ours / fastest peer": of_points,
+            "rates over those of others": between,
+            "rays": rays,
+            "rays, compiled / Embree per processor second": of_rays,
+            "paths": paths,
+            "measures": measures,
+        },
+        "claims": {
+            "bases above 2 are slower: Faure's sequence makes fewer coordinates per second than Sobol's": (
+                faure < 1
+            ),
+            "permutation nets are as fast as rank-1 lattices, within 25 %": 1 / ALIKE < nets < ALIKE,
+        },
+        "note": NOTE.format(rays=about_rays, paths=about_paths, measures=NOTE_ON_MEASURES),
+    }
+
+
+def _draw(compared: Mapping[str, Ratios]) -> Figure:
+    """Draw a bar for each case: how many times as fast as the fastest other program ours is."""
     ratios = [ratio for of in compared.values() for ratio in of.values()]
     faster = sum(ratio > 1 for ratio in ratios)
     figure = new_figure(
@@ -250,22 +240,20 @@ def _draw(cases: list[dict], rays: Any, paths: Rates, measures: Rates, on_device
         0.175 * (len(ratios) + 2 * len(compared)) + 0.9,
     )
     axes = figure.subplots()
-    row, names = 0, {}
+    row, names, heads = 0, {}, set()
     for k, (kind, of) in enumerate(compared.items()):
         names[row] = f"{kind[0].upper()}{kind[1:]}"
+        heads.add(row)
         for name, ratio in sorted(of.items(), key=lambda item: -item[1]):
             row += 1
             axes.barh(row, ratio - 1, left=1, color=f"C{k}")
-            axes.annotate(
-                f"{ratio:.2g}", (max(ratio, 1), row), (3, 0), textcoords="offset points", va="center"
-            )
+            look: dict[str, Any] = {"textcoords": "offset points", "va": "center"}
+            axes.annotate(f"{ratio:.2g}", (max(ratio, 1), row), (3, 0), **look)
             names[row] = name
         row += 2
     axes.set_yticks(list(names), list(names.values()))
     for place, label in zip(names, axes.get_yticklabels(), strict=True):
-        label.set_fontweight(
-            "bold" if names[place].partition(":")[0].lower() in _kinds(compared) else "normal"
-        )
+        label.set_fontweight("bold" if place in heads else "normal")
     axes.axvline(1, color="black", lw=0.8)
     axes.set(xscale="log", ylim=(row - 1.2, -0.8), xlim=(min(0.5, 0.9 * min(ratios)), 1.6 * max(ratios)))
     axes.set(xlabel="our rate / theirs", ylabel="case")
@@ -275,38 +263,8 @@ def _draw(cases: list[dict], rays: Any, paths: Rates, measures: Rates, on_device
     return figure
 
 
-def _kinds(compared: Mapping[str, Ratios]) -> set[str]:
-    return {kind.partition(":")[0] for kind in compared}
-
-
 def _short(case: str) -> str:
     """Return a case with its number of points as a power of 2."""
     size = next((word for word in case.split() if word.isdigit() and int(word) > 32), "")
     short = case.replace(size, f"2^{int(size).bit_length() - 1}") if size else case
     return short.replace(", Owen (peers: linear) scrambled", ", Owen (linear) scrambled")
-
-
-def _claims(points: Rates) -> tuple[dict[str, bool], dict[str, float]]:
-    """Return what the thesis says about rates, and ratios of ours in float32."""
-
-    def rate(title: str) -> float:
-        return next(of["float32"] for case, of in points.items() if case.startswith(title))
-
-    pairs = (("Faure", "Sobol'"), ("permutation net", "rank-1 lattice"))
-    ratios = {f"{one} / {other}": rate(one) / rate(other) for one, other in pairs}
-    return {
-        "bases above 2 are slower: Faure's sequence makes fewer coordinates per second than Sobol's": (
-            ratios["Faure / Sobol'"] < 1
-        ),
-        "permutation nets are as fast as rank-1 lattices, within 25 %": (
-            1 / ALIKE < ratios["permutation net / rank-1 lattice"] < ALIKE
-        ),
-    }, ratios
-
-
-def _ratios(cases: list[dict]) -> dict[str, dict[str, float]]:
-    return {
-        case["case"]: {name: rate / max(case["peers"].values()) for name, rate in case["ours"].items()}
-        for case in cases
-        if case["peers"]
-    }

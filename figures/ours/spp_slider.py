@@ -1,6 +1,6 @@
 """One scene by several samplers, from 1 to 256 samples per pixel: images for the page's slider, and errors.
 
-With it go what the page's playground renders with, which needs no images, and measured errors of samplers.
+With it go measured errors of all samplers, for the page "Which sampler?".
 """
 
 from collections.abc import Callable
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 import qmcjax as qj
 from figures import plot
 from figures._errors import rms
-from figures.playground import ours
 from figures.shared.rendered import scene_images
 from figures.shared.sampler_errors import which_sampler
 from figures.shared.sheets.panels import new_figure
@@ -20,12 +19,15 @@ from qmcjax import orders, samplers, scenes, sequences
 
 SIDE = 128
 KEY = 1
+DIMS = 4
+"""Of the scene: the pixel and the light."""
+
 COUNTS = (1, 4, 16, 64, 256)
 DRAWN = {"draft": ("random", "Z", "Hilbert, Owen")}
 """Samplers of drafts; otherwise all."""
 
 NOTE = (
-    f"The checkerboard, {SIDE} x {SIDE} pixels, box filter, one key; errors are against the exact pixel "
+    f"A soft shadow, {SIDE} x {SIDE} pixels, box filter, one key; errors are against the exact pixel "
     "means. (0,2), lattice and dither: the same sequence in each pixel, Owen-scrambled, rotated at "
     "random, or rotated by a mask of blue noise. Ranked: keys optimised for blue noise. Global: one "
     "sequence over the screen. Z: Morton order, scrambled by hashing. Hilbert: contiguous blocks of one "
@@ -35,15 +37,15 @@ NOTE = (
 
 def ways(spp: int) -> dict[str, samplers.Sampler]:
     """Return the samplers by name."""
-    sobol, lattice = sequences.sobol(2), sequences.lattice(2)
+    sobol, lattice = sequences.sobol(DIMS), sequences.lattice(DIMS)
     return {
-        "random": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.uniform(2, KEY), spp),
+        "random": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.uniform(DIMS, KEY), spp),
         "(0,2), Owen": samplers.independent(sobol, KEY),
         "lattice, rotated": samplers.independent(lattice, KEY, "shift"),
         "dither": samplers.dither(samplers.blue_noise_mask(2), lattice),
-        "ranked": samplers.ranked(2, KEY),
+        "ranked": samplers.ranked(DIMS, KEY),
         "global Sobol'": samplers.full_screen(sobol, SIDE, SIDE),
-        "Z": samplers.z(SIDE, SIDE, spp, KEY),
+        "Z": samplers.z(SIDE, SIDE, spp, KEY, dims=DIMS),
         "Hilbert, Owen": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sobol, KEY), spp),
     }
 
@@ -51,8 +53,8 @@ def ways(spp: int) -> dict[str, samplers.Sampler]:
 def make(
     quality: str, progress: Callable[[float], None]
 ) -> tuple[Figure, dict, dict[str, NDArray], dict[str, bytes]]:
-    """Render all, draw their errors, and hand them out with the playground; drafts have fewer."""
-    scene = scenes.checkerboard()
+    """Render all, draw their errors, and hand them out; drafts have fewer samplers."""
+    scene = scenes.soft_shadow()
     reference, bound = scene.reference(SIDE, SIDE)
     images: dict[str, NDArray] = {"exact reference": np.asarray(reference)}
     errors: dict[str, dict[str, float]] = {}
@@ -63,7 +65,7 @@ def make(
             if quality == "paper":
                 image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
             else:  # To compile a program for a sampler and a count takes longer than to do without, if few.
-                image = scene_images.image(scene, sampler, SIDE, spp, of_many=spp > 16)[..., 0]
+                image = scene_images.image(scene, sampler, SIDE, spp)[..., 0]
             images[f"{name}, {spp} spp"] = image
             errors.setdefault(name, {})[f"{spp} spp"] = rms(image - reference)
         progress(done / (1 + len(COUNTS)))
@@ -72,9 +74,8 @@ def make(
     factor = last["random"] / min(last.values())
     figure = new_figure(
         f"Random samples have {factor:.1f} times the error of the best sampler at {COUNTS[-1]} spp\n"
-        f"checkerboard, {SIDE} x {SIDE} pixels, one key",
+        f"soft shadow, {SIDE} x {SIDE} pixels, one key",
         3.4,
     )
     plot.convergence(COUNTS, {name: list(of.values()) for name, of in errors.items()}, ax=figure.subplots())
-    handed = {"playground.js": ours(SIDE).script.encode(), "which.html": which_sampler().encode()}
-    return figure, {"measured": measured, "note": NOTE}, images, handed
+    return figure, {"measured": measured, "note": NOTE}, images, {"which.html": which_sampler().encode()}

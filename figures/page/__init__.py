@@ -1,7 +1,6 @@
 """The pages beside the figures, from ``index.html`` on: samplers, verdicts, pictures, images side by side."""
 
 from figures._markup import Markup as Markup
-from figures._markup import fill as fill
 from figures.page._html import href as href
 from figures.page._html import quantity as quantity
 from figures.page._html import static as static

@@ -1,33 +1,23 @@
 """Write the pages: what is in the folder is shown, and what is not says which command makes it."""
 
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from figures import ledger
-from figures._markup import Markup, fill, join
+from figures._markup import Markup, render
 from figures.catalogue import Entry
 from figures.making import store
 from figures.page import _figures, _ledger
-from figures.page._figures import Figure, not_made, picture
-from figures.page._html import PAGES, PARTS, href, order, part_of, quantity, static
-from figures.page._ledger import bar, summary
+from figures.page._figures import Figure
+from figures.page._html import PAGES, PARTS, order, part_of, quantity, static
 
 SCRIPT = "playground.js"
 """The file of its program, beside the page."""
 
 PROGRAMS = ("unpack.js", "ask.js", "accumulate.js", "measure.js", "curve.js", "playground.js")
-
-LIVE = """
-<section class="playground" aria-label="Two samplers on a scene, rendered in this page">
-<div class="live" hidden></div>
-<div class="still">$still</div>
-</section>
-<script src="$data" defer></script>
-<script src="$script" defer></script>
-"""
 
 
 def script() -> str:
@@ -39,7 +29,7 @@ def playground(folder: Path, data: str, still: Markup | str) -> Markup | str:
     """Return a playground in place of something that is still; just that without the file of its data."""
     if not (folder / data).is_file():
         return still
-    return fill(LIVE, data=data, script=SCRIPT, still=still)
+    return render("playground", data=data, script=SCRIPT, still=still)
 
 
 STEPS = (
@@ -77,28 +67,6 @@ STEPS = (
     ),
 )
 
-TOUR = """
-<section id="start" aria-labelledby="start-title"><h2 id="start-title">In pictures</h2>
-<ol class="tour">$steps</ol></section>
-"""
-
-STEP = """
-<li><h3>$title</h3><p>$text <a href="$place">$name</a></p>$picture</li>
-"""
-
-
-def tour(folder: Path, figures: Mapping[str, Figure]) -> Markup:
-    """Return those of the pictures that are here."""
-    steps = [
-        fill(
-            STEP, name=name, place=href(name), title=title, text=text, picture=picture(folder, figures[name])
-        )
-        for name, title, text in STEPS
-        if name in figures and figures[name].entry is not None
-    ]
-    return fill(TOUR, steps=join(steps)) if steps else Markup("")
-
-
 PAGE = "index.html"
 
 SCRIPTS = ("theme.js", "ledger.js", "zoom.js", "viewer.js", "wall.js", "numbers.js")
@@ -109,31 +77,13 @@ FILES = (*(f"{name}.html" for name in PAGES), "page.css", "page.js", SCRIPT, "pa
 SLIDER = "spp-slider"
 """The figure whose images follow the slider of the first screen."""
 
-THREE = ("random", "Z", "Hilbert, Owen")
+RANDOM = "random"
+
+THREE = (RANDOM, "Z", "Hilbert, Owen")
 """The samplers of the first screen."""
 
 HERO = "thesis-6.1"
 """The picture of the first screen while the slider's images are not there."""
-
-WALL = """
-$wall
-<p class="note"><a href="which.html">Which sampler?</a>
-<a href="ours.html#spp-slider">Images at 1 to 256 samples per pixel</a></p>
-"""
-
-WHICH = """
-<section class="which"><h1>Which sampler?</h1>$body</section>
-"""
-
-PAPER = """
-<div><h3><a href="$paper.html">$title</a></h3>$citation$bar<p class="verdicts">$summary</p></div>
-"""
-
-INDEX = """
-<h3><a href="$page.html">$title</a></h3><ol class="index">$items</ol>
-"""
-
-ITEM = '<li><a href="$place">$thumbnail$title</a></li>'
 
 
 def write(folder: Path, catalogue: Mapping[str, Entry], failed: Collection[str] = ()) -> Path:
@@ -184,10 +134,10 @@ def files(
     mains = {
         "index": _front(folder, figures, parts, counts, assessed, failed),
         "ledger": _ledger.section(assessed.findings, assessed.drafts),
-        "which": fill(WHICH, body=_which(folder)),
+        "which": Markup('<section class="which"><h1>Which sampler?</h1>{}</section>').format(_which(folder)),
         **{part: _figures.part(folder, part, parts[part], counts.get(part, {})) for part in PARTS},
         "sampler": Markup(static("sampler.html")),
-        "documentation": fill(static("documentation.html"), folder=folder / "docs"),
+        "documentation": render("documentation", folder=folder / "docs", built=_built(folder)),
     }
     shown = [_page(folder, name, mains[name]) for name in PAGES]
     scripts = "\n".join(static(name) for name in SCRIPTS)
@@ -196,14 +146,16 @@ def files(
 
 
 def _page(folder: Path, name: str, main: Markup) -> Markup:
-    built = (folder / "docs" / PAGE).is_file()
-    nav = join(
-        fill(f'<a href="$address"{current}>$words</a>', address=address, words=words)
+    pages = [
+        (page, words, "docs/index.html" if page == "documentation" and _built(folder) else f"{page}.html")
         for page, words in PAGES.items()
-        for address in ["docs/index.html" if page == "documentation" and built else f"{page}.html"]
-        for current in [' aria-current="page"' if page == name else ""]
-    )
-    return fill(static("page.html"), title=PAGES[name], nav=nav, main=main)
+    ]
+    return render("page", title=PAGES[name], pages=pages, name=name, main=main)
+
+
+def _built(folder: Path) -> bool:
+    """Return whether the documentation is in the folder."""
+    return (folder / "docs" / PAGE).is_file()
 
 
 def _numbers(figures: Iterable[Figure]) -> str:
@@ -225,79 +177,56 @@ def _front(
     failed: Collection[str],
 ) -> Markup:
     """Return what a visitor sees first: samplers, their use, what the papers claim, and where all is."""
-    return fill(
-        static("front.html"),
-        hero=_hero(folder, figures),
-        warnings=_warnings(failed, assessed.outdated),
-        papers=join(
-            fill(
-                PAPER,
-                paper=paper,
-                title=PARTS[paper],
-                citation=_figures.citation(paper),
-                bar=bar(of),
-                summary=summary(of, paper),
-            )
-            for paper, of in counts.items()
-        ),
-        tour=tour(folder, figures),
-        state=_state(figures),
-        index=join(
-            fill(
-                INDEX,
-                page=part,
-                title=PARTS[part],
-                items=join(
-                    fill(
-                        ITEM,
-                        place=href(each.name),
-                        thumbnail=_figures.thumbnail(folder, each.name),
-                        title=each.title,
-                    )
-                    for each in of
-                ),
-            )
-            for part, of in parts.items()
-        ),
+    shown = {name: _figures.described(folder, figure) for name, figure in figures.items()}
+    made = [name for name, figure in figures.items() if figure.entry is not None]
+    ours = sum(part_of(name) == "ours" for name in made)
+    state = f"{len(made) - ours} of {quantity(sum(part_of(name) != 'ours' for name in figures), 'figure')}"
+    return render(
+        "front",
+        wall=_wall(folder, figures),
+        hero=shown[HERO] if HERO in made else None,
+        warnings={
+            "Failed in the last run": failed,
+            "Made by an older version, so that their claims are left out": assessed.outdated,
+        },
+        titles=PARTS,
+        counts=counts,
+        steps=[(shown[name], title, text) for name, title, text in STEPS if name in made],
+        state=f"{state} of the papers" + f" and {ours} of our own" * bool(ours) + " are here.",
+        parts={part: [shown[each.name] for each in of] for part, of in parts.items()},
+        **_ledger.WORDS,
     )
 
 
-def _hero(folder: Path, figures: Mapping[str, Figure]) -> Markup:
-    """Return the playground, or three samplers at as many samples as a slider says, or another picture."""
-    slider, hero = figures.get(SLIDER), figures.get(HERO)
+def _wall(folder: Path, figures: Mapping[str, Figure]) -> Markup | str:
+    """Return the playground, or three samplers at as many samples as a slider says; nothing without both."""
+    slider = figures.get(SLIDER)
     with suppress(*_ledger.UNREADABLE):
         if slider and slider.entry:
             images = slider.entry["images"]
             reference, *items = images["items"]
             chosen = [item for item in items if item["name"] in THREE]
-            shown = images | {"items": [reference, *chosen]}
-            wall = _figures.wall(folder, SLIDER, slider.title, shown)
-            return fill(WALL, wall=playground(folder, f"{SLIDER}.playground.js", wall))
-    return _figures.picture(folder, hero) if hero and hero.entry else Markup("")
+            viewed = _figures.viewed(folder, slider, images | {"items": [reference, *chosen]})
+            still = render("wall", images=viewed, promise=_promise(chosen))
+            return playground(folder, "playground.data.js", still)
+    return ""
+
+
+def _promise(items: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return ratios of errors with the fewest samples, before and after a filter, if they were measured."""
+    fewest = min((item["spp"] for item in items), default=0)
+    of = {item["name"]: item for item in items if item["spp"] == fewest and "filtered_rms" in item}
+    if RANDOM not in of or len(of) == 1:
+        return {}
+    best = min(of.values(), key=lambda item: item["filtered_rms"])
+    ratios = {kind: of[RANDOM][kind] / best[kind] for kind in ("rms", "filtered_rms")}
+    return {"count": quantity(fewest, "sample"), "best": best["name"]} | {
+        kind: f"{ratio:.2f}" for kind, ratio in ratios.items()
+    }
 
 
 def _which(folder: Path) -> Markup:
     """Return what a figure found out about samplers, if it is here."""
     file = folder / f"{SLIDER}.which.html"
-    return Markup(file.read_text(encoding="utf-8")) if file.is_file() else not_made(SLIDER)
-
-
-def _state(figures: Mapping[str, Figure]) -> str:
-    """Return how many figures there are of the papers, and of our own."""
-    made = [figure.name for figure in figures.values() if figure.entry is not None]
-    of_papers = [name for name in figures if part_of(name) != "ours"]
-    ours = sum(part_of(name) == "ours" for name in made)
-    state = f"{len(made) - ours} of {quantity(len(of_papers), 'figure')} of the papers"
-    return state + (f" and {ours} of our own" if ours else "") + " are here."
-
-
-def _warnings(failed: Collection[str], outdated: Collection[str]) -> Markup:
-    lines = {
-        "Failed in the last run": failed,
-        "Made by an older version, so that their claims are left out": outdated,
-    }
-    return join(
-        fill('<p class="warning">$what: $names.</p>', what=what, names=", ".join(sorted(names)))
-        for what, names in lines.items()
-        if names
-    )
+    found = Markup(file.read_text(encoding="utf-8")) if file.is_file() else ""
+    return found or render("not_made", figure=_figures.not_made(SLIDER))

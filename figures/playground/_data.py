@@ -84,7 +84,7 @@ class Programs:
     def _make(self, make: Maker, count: int, key: int, most: int) -> Sampler:
         sampler = make(count, key)
         sampler.check(self._side, self._side, count)
-        return sampler.up_to(min(most, sampler.limits[2]))
+        return sampler.up_to(min(most, sampler.fits.spp))
 
     def _program(self, sampler: Sampler, dims: int, known: Known) -> list[Any]:
         for other, text, tables in known:
@@ -194,7 +194,14 @@ COUNTS = (1, 4, 16, 64, 256)
 DIMS = 4
 """As many as one of the scenes needs."""
 
-START = {"left": RIVALS["random"].name, "right": RIVALS["z"].name, "scene": "soft shadow", "spp": 4}
+START: dict[str, Any] = {
+    "left": RIVALS["random"].name,
+    "right": RIVALS["z"].name,
+    "scene": "soft shadow",
+    "spp": 1,
+    "filter": "gaussian",
+    "view": "difference",
+}
 
 
 def make_sampler(name: str, side: int, count: int, key: int) -> samplers.Sampler:

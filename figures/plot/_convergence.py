@@ -13,6 +13,7 @@ from matplotlib.ticker import LogLocator
 from matplotlib.transforms import blended_transform_factory
 from numpy.typing import ArrayLike, NDArray
 
+from analysis import ConvergenceTable
 from figures._rc import COLUMN
 from figures.plot._panels import check_texts, number, panel
 from figures.plot._style import style
@@ -37,8 +38,8 @@ _LINE = 1.35
 
 
 def convergence(
-    spps: Sequence[int],
-    errors: Mapping[str, ArrayLike],
+    spps: Sequence[int] | ConvergenceTable,
+    errors: Mapping[str, ArrayLike] | None = None,
     *,
     bands: Mapping[str, ArrayLike] | None = None,
     slopes: Sequence[float] = (-0.5, -0.75),
@@ -46,6 +47,7 @@ def convergence(
     floor: float | None = None,
     title: str = "",
     ylabel: str = "RMS error",
+    region: str = "whole",
     among: Sequence[str] = (),
     ax: Axes | None = None,
 ) -> Axes:
@@ -53,9 +55,10 @@ def convergence(
 
     Parameters
     ----------
-    spps : sequence of int
+    spps : sequence of int, or ConvergenceTable
+        A table has errors; over keys, it also has bands, and intervals of slopes, which are named.
     errors : mapping of samplers' names to float ArrayLike, shape (len(spps),)
-        Positive; NaN where a sampler has no such number of samples.
+        Positive; NaN where a sampler has no such number of samples. Not beside a table.
     bands : mapping of names to float ArrayLike, shape (2, len(spps)), optional
         Lower and upper ends of confidence intervals over keys.
     slopes : sequence of float, optional
@@ -66,6 +69,8 @@ def convergence(
     floor : float, optional
         The error of the reference, drawn as a line.
     title, ylabel : str, optional
+    region : str, optional
+        That of the errors of a table.
     among : sequence of str, optional
         All samplers of several plots, to give them the same styles; by default those of ``errors``.
     ax : Axes, optional
@@ -88,6 +93,13 @@ def convergence(
     >>> print([text.get_text() for text in ax.texts if "n" not in text.get_text()])
     ['Z']
     """
+    check_texts(title=title, ylabel=ylabel, region=region)
+    labels: dict[str, str] = {}
+    if isinstance(spps, ConvergenceTable):
+        if errors is not None or bands is not None:
+            name = "bands" if errors is None else "errors"
+            raise ValueError(f"{name} must be None without numbers of samples, which a table has")
+        spps, errors, bands, labels = _of_table(spps, region)
     for kind, given in (("errors", errors), ("bands", {} if bands is None else bands)):
         if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
             raise TypeError(f"{kind} must map names to {kind}, got {checks.shown(given)}")
@@ -100,7 +112,6 @@ def convergence(
     ]
     times = number("times", times, -_STEEPEST, _STEEPEST)
     floor = None if floor is None else number("floor", floor, 0)
-    check_texts(title=title, ylabel=ylabel)
     if not isinstance(among, tuple | list):
         raise TypeError(f"among must be names of samplers, got {checks.shown(among)}")
     of = {name: known(f"errors[{name!r}]", values) for name, values in errors.items()}
@@ -112,7 +123,10 @@ def convergence(
     of = {name: values * scale for name, values in of.items()}
     start = max(values[0] for values in of.values() if values[0] > 0)
     styles = {name: style(name, among or of) for name in of}
-    named = [(name, values[~np.isnan(values)][-1], styles[name].color) for name, values in of.items()]
+    named = [
+        (labels.get(name, name), values[~np.isnan(values)][-1], styles[name].color)
+        for name, values in of.items()
+    ]
     for power in powers:
         rate = start * (x / x[0]) ** (power + times)
         ax.plot(x, rate, ":", color=_RATE, lw=0.8, zorder=0)
@@ -146,6 +160,27 @@ def convergence(
     ax.grid(alpha=0.3)
     _names(ax, named)
     return ax
+
+
+def _of_table(
+    table: ConvergenceTable, region: str
+) -> tuple[list[int], dict[str, NDArray], dict[str, NDArray], dict[str, str]]:
+    """Return numbers of samples, errors, bands and names with slopes."""
+    spps = list(dict.fromkeys(row.spp for row in table.rows))
+    errors, bands, labels = {}, {}, {}
+    for name in dict.fromkeys(row.sampler for row in table.rows):
+        there, found = table.errors(name, region)
+        errors[name] = np.full(len(spps), np.nan)
+        errors[name][[spps.index(spp) for spp in there]] = np.where(found > 0, found, np.nan)
+        labels[name], ends = name, table.bands(name, region)
+        if len(there) > 1 and found.all():
+            power = f"{table.slope(name, region):.2f}"
+            if len(there) == len(spps) and np.isfinite(ends).all():
+                bands[name] = ends
+                low, high = table.slope_interval(name, region)
+                power += rf" \pm {(high - low) / 2:.2f}"
+            labels[name] = f"{name}: $n^{{{power}}}$"
+    return spps, errors, bands, labels
 
 
 def _points(ax: Axes) -> tuple[float, float]:

@@ -1,8 +1,6 @@
 """What calls cost: seconds, of those to compare in turns, so that noise hits all, and memory."""
 
-import contextlib
 import ctypes
-import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -26,14 +24,6 @@ def timed(call: Callable[..., Any], *given: Any) -> tuple[Any, Seconds]:
     start, busy = time.perf_counter(), time.process_time()
     made = jax.block_until_ready(call(*given))
     return made, Seconds(time.perf_counter() - start, time.process_time() - busy)
-
-
-def typical(call: Callable[[int], Any], least: int, seconds: float, of: str = "clock") -> float:
-    """Return the median of the times of call 0, 1, ..., at least so many, which take so many seconds."""
-    times: list[float] = []
-    while len(times) < least or sum(times) < seconds:
-        times.append(getattr(timed(call, len(times))[1], of))
-    return statistics.median(times)
 
 
 def in_turns(
@@ -76,16 +66,6 @@ def peak_of(call: Callable[[Any], Any], points: Any) -> int | None:
     before = _status("VmRSS")
     jax.block_until_ready(call(points))
     return _status("VmHWM") - before
-
-
-def largest() -> int:
-    """Return the most memory that this process had, in bytes."""
-    with contextlib.suppress(OSError):
-        return _status("VmHWM")
-    import resource
-
-    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return most if sys.platform == "darwin" else most * 1024
 
 
 def _status(key: str) -> int:

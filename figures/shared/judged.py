@@ -12,10 +12,10 @@ from qmcjax.core import student
 
 
 def interval(values: ArrayLike) -> dict[str, float]:
-    """Return the mean of independent values, and the ends of its interval of 95 %."""
+    """Return the mean of independent values and, of enough of them, the ends of its interval of 95 %."""
     values = np.asarray(values, np.float64)
     low, high = student.interval(values)
-    return {"mean": float(np.mean(values)), "low": low, "high": high}
+    return {"mean": float(np.mean(values))} | ({"low": low, "high": high} if np.isfinite(low) else {})
 
 
 def ratio(first: ArrayLike, second: ArrayLike) -> dict[str, float]:

@@ -3,8 +3,9 @@
 import math
 from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
-from figures._markup import Markup, fill, join
+from figures._markup import Markup, render
 from qmcjax.choosing import (
     DENOISED,
     KINDS,
@@ -18,128 +19,64 @@ from qmcjax.choosing import (
     worst_cases,
 )
 
-SAFE = """
-<p><b>$name</b>: its $measure$errors is at most <b>$ratio</b> times that of the best sampler, in each of
-$classes classes of scenes, dimensions and samples per pixel (worst: $where).</p>
-"""
-
-TABLE = """
-<div class="scroll" tabindex="0" role="region" aria-label="$title">
-<table class="errors"><caption>$title</caption><thead>
-<tr><td></td>$kinds</tr><tr><th scope="col">Sampler</th>$counts</tr>
-</thead><tbody>$rows</tbody></table></div>
-"""
-
-PAGE = """
-<p class="lead">If you do not want to choose, take the sampler with the smallest worst-case ratio.</p>
-$safest
-<pre><code>from qmcjax.choosing import CANDIDATES
-
-sampler = CANDIDATES["$name"].make(dims, width, height, spp, key)
-</code></pre>
-<p>For the best sampler of your scene, ask <code>qj.recommend(scene, spp, filtered=True)</code>.</p>
-<h2>What this rests on</h2>
-<p>Errors relative to the best sampler of each column, with 95 % confidence intervals: geometric means over
-scenes with exact pixel integrals. The best is framed; ratios in bold are significantly worse.</p>
-$tables
-<h2>After a denoiser</h2>
-$denoised
-<h2>While an image is rendered, and in animations</h2>
-$others
-"""
-
-AFTER_DENOISER = """
-<p>A denoiser may keep as a texture what a Gaussian forgives: narrow bands and peaks of the spectrum.
-Take <b>$name</b>: at most $ratio times the best after Open Image Denoise on average over scenes, more in
-single ones; or ask <code>recommend(..., after="denoiser")</code>.</p>
-<details><summary>All samplers</summary>
-<div class="scroll" tabindex="0" role="region" aria-label="Errors after a denoiser">
-<table class="errors"><caption>RMS error after Open Image Denoise relative to the best</caption>
-<thead><tr><td></td>$kinds</tr><tr><th scope="col">Sampler</th>$counts</tr></thead>
-<tbody>$rows</tbody></table></div></details>
-"""
-
-FOLDED = "<details$open><summary>$title</summary>$table</details>"
-
-CELL = '<td class="$classes" style="--by:$worse"><span>$ratio</span> <small>$interval</small></td>'
-
 WORST = 4.0
 """Ratios from here on have the strongest colour."""
+
+NAMES = {
+    "random": "independent random numbers",
+    "(0,2), Owen": "Sobol' points in each pixel, Owen-scrambled with a key of its own (samplers.independent)",
+    "rank-1 lattice": "the same lattice in each pixel, shifted at random",
+    "Sobol', Halton, full screen": "one sequence over the whole image (samplers.full_screen)",
+    "permutation": "a permutation net over the whole image",
+    "dither mask": "a lattice, shifted in each pixel by a mask of blue noise (samplers.dither)",
+    "ranked keys": "Sobol' points, scrambled with the keys of a table that makes errors of neighbours "
+    "differ (samplers.ranked)",
+    "designed tiles, frames": "points that gradient descent made for small filtered errors "
+    "(samplers.designed)",
+    "Z": "blocks of one sequence along a Morton curve, as it is (Z0) or permuted (samplers.z)",
+    "optimised, progressive orders": "the same with permutations chosen for small filtered errors "
+    "(samplers.optimized, samplers.progressive)",
+    "Hilbert, raster": "blocks of one sequence along a curve (samplers.contiguous)",
+    "pmj02": "progressive multi-jittered points in each pixel",
+    "new keys, golden shifts, moving": "how samples change from frame to frame: independently, by a "
+    "Roberts sequence, or with frames as an axis of the order",
+}
+"""What readers see of names, or of their parts."""
 
 
 def safest_sampler(setting: str, filtered: bool) -> Markup:
     """Return a sentence: the sampler that is least worse than the best where it is worst."""
     of = SETTINGS[setting]
     name, (ratio, where) = next(iter(worst_cases(filtered, of).items()))
-    classes = len(KINDS) * len(LEVELS) * len(of.spps)
-    return fill(
-        SAFE,
-        name=name,
-        classes=classes,
-        measure=MEASURES[filtered],
-        errors=of.errors,
-        ratio=f"{ratio:.2f}",
-        where=where,
-    )
+    classes, measure = len(KINDS) * len(LEVELS) * len(of.spps), MEASURES[filtered]
+    told = {"measure": measure, "errors": of.errors, "ratio": f"{ratio:.2f}", "where": where}
+    return render("safest", name=name, classes=classes, **told)
 
 
 def which_sampler() -> Markup:
     """Return the page "Which sampler?": one safe choice, what it costs at most, and folded tables."""
-    name = next(iter(worst_cases(True)))
-    return fill(
-        PAGE,
-        name=name,
-        safest=join(safest_sampler("images", filtered) for filtered in (True, False)),
-        tables=_folded_tables(STILL),
-        denoised=_denoised_table(),
-        others=join(
-            join([*(safest_sampler(name, filtered) for filtered in (True, False)), _folded_tables(of)])
-            for name, of in SETTINGS.items()
-            if of is not STILL
-        ),
+    still, *others = (
+        {
+            "safest": [safest_sampler(name, filtered) for filtered in (True, False)],
+            "tables": [
+                (_title(of, *case), _table(of, *case), of is STILL and case == (2, True))
+                for case in product(LEVELS, (True, False))
+            ],
+        }
+        for name, of in SETTINGS.items()
     )
+    name = next(iter(worst_cases(True)))
+    return render("samplers", name=name, names=NAMES, still=still, denoised=_denoised(), others=others)
 
 
-def _denoised_table() -> Markup:
-    """Return a sentence and a small table of errors after a denoiser: ratios to the best of each column."""
-    cases = list(product(LEVELS, DENOISED.spps))
-    columns = [_ratios(Measured.of(None, *case, False, DENOISED)) for case in cases]
+def _denoised() -> dict[str, Any]:
+    """Return what to take before a denoiser, and a table of errors: ratios to the best of each column."""
+    columns = [_ratios(Measured.of(None, *case, False, DENOISED)) for case in product(LEVELS, DENOISED.spps)]
     worst = {name: max(of[name].ratio for of in columns if name in of) for name in columns[0]}
     names = sorted(worst, key=lambda name: (any(name not in of for of in columns), worst[name]))
-    span = '<th scope="colgroup" colspan="$n">$kind</th>'
-    return fill(
-        AFTER_DENOISER,
-        name=names[0],
-        ratio=_number(worst[names[0]]),
-        kinds=join(fill(span, n=len(DENOISED.spps), kind=of) for of in LEVELS.values()),
-        counts=join(fill('<th scope="col">$spp spp</th>', spp=spp) for _, spp in cases),
-        rows=join(
-            fill(
-                '<tr><th scope="row">$name</th>$cells</tr>',
-                name=name,
-                cells=join(_plain_cell(of.get(name)) for of in columns),
-            )
-            for name in names
-        ),
-    )
-
-
-def _plain_cell(other: ErrorRatio | None) -> Markup:
-    number = "–" if other is None else _number(other.ratio)
-    return fill("<td><b>$of</b></td>" if other and other.differs else "<td>$of</td>", of=number)
-
-
-def _folded_tables(setting: Setting) -> Markup:
-    """Return all tables of a setting, of which only the first of still images is open."""
-    return join(
-        fill(
-            FOLDED,
-            title=_title(setting, *of),
-            table=_table(setting, *of),
-            open=" open" * (setting is STILL and of == (2, True)),
-        )
-        for of in product(LEVELS, (True, False))
-    )
+    title = "RMS error after Open Image Denoise relative to the best"
+    table = _errors(title, list(LEVELS.values()), DENOISED.spps, names, columns, plain=True)
+    return {"name": names[0], "ratio": _number(worst[names[0]]), "table": table}
 
 
 def _title(setting: Setting, level: int, filtered: bool) -> str:
@@ -148,42 +85,25 @@ def _title(setting: Setting, level: int, filtered: bool) -> str:
 
 
 def _table(setting: Setting, level: int, filtered: bool) -> Markup:
-    columns = [(edges, spp) for edges in KINDS for spp in setting.spps]
-    cells = [_ratios(Measured.of(edges, level, spp, filtered, setting)) for edges, spp in columns]
-    names = sorted(cells[0], key=lambda name: sum(math.log(column[name].ratio) for column in cells))
-    return fill(
-        TABLE,
-        title=_title(setting, level, filtered),
-        kinds=join(
-            fill('<th scope="colgroup" colspan="$n">$kind</th>', n=len(setting.spps), kind=kind)
-            for kind in KINDS.values()
-        ),
-        counts=join(fill('<th scope="col">$spp spp</th>', spp=spp) for _, spp in columns),
-        rows=join(
-            fill(
-                '<tr><th scope="row">$name</th>$cells</tr>',
-                name=name,
-                cells=join(_cell(column[name]) for column in cells),
-            )
-            for name in names
-        ),
-    )
+    cases = product(KINDS, setting.spps)
+    columns = [_ratios(Measured.of(edges, level, spp, filtered, setting)) for edges, spp in cases]
+    names = sorted(columns[0], key=lambda name: sum(math.log(column[name].ratio) for column in columns))
+    return _errors(_title(setting, level, filtered), list(KINDS.values()), setting.spps, names, columns)
+
+
+def _errors(title: str, kinds: Any, spps: Any, names: Any, columns: Any, plain: bool = False) -> Markup:
+    """Return a table of ratios by sampler, kind and count; plain ones have no intervals."""
+
+    def worse(ratio: float) -> str:
+        return f"{min(math.log(max(ratio, 1)) / math.log(WORST), 1):.2f}"
+
+    of: dict[str, Any] = {"kinds": kinds, "spps": spps, "names": names, "columns": columns}
+    return render("errors", title=title, plain=plain, number=_number, worse=worse, **of)
 
 
 def _ratios(measured: Measured) -> Mapping[str, ErrorRatio]:
     names = measured.ranked(measured.errors)
     return dict(zip(names, measured.ratios(names), strict=True))
-
-
-def _cell(other: ErrorRatio) -> Markup:
-    best = other.ratio == other.low == other.high == 1
-    return fill(
-        CELL,
-        classes="best" if best else "differs" if other.differs else "",
-        worse=f"{min(math.log(max(other.ratio, 1)) / math.log(WORST), 1):.2f}",
-        ratio=_number(other.ratio),
-        interval="" if best else f"{_number(other.low)}–{_number(other.high)}",
-    )
 
 
 def _number(ratio: float) -> str:

@@ -178,8 +178,12 @@ def z_7(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:
         "ART, 4096 letters": _grid(_rules("art", None)),
     }
     letters = [LETTERS[_letter(rules, digits)] for digits in ("", "0", "1", "2", "3", "00")]
-    repeated = {name: _repetitions(grid) for name, grid in grids.items()}
-    siblings = {name: _among_siblings(grid) for name, grid in grids.items()}
+
+    def equal(grid: NDArray, step: int) -> float:
+        """Return the share of equal letters side by side and one above the other, of every ``step``."""
+        return float(np.mean([np.mean(of[1::step] == of[:-1:step]) for of in (grid, grid.T)]))
+
+    repeated, siblings = ({name: equal(grid, step) for name, grid in grids.items()} for step in (1, 2))
     sizes = _sizes()
     measured = {
         "letters of pi, pi_0, pi_1, pi_2, pi_3, pi_00": letters,
@@ -248,14 +252,6 @@ def _grid(rules: NDArray, levels: int = DEEP) -> NDArray[np.int64]:
     for _ in range(levels):
         grid = rules[grid].reshape(*grid.shape, 2, 2).swapaxes(1, 2).reshape(2 * len(grid), -1)
     return grid
-
-
-def _repetitions(grid: NDArray) -> float:
-    return float(np.mean([np.mean(grid[1:] == grid[:-1]), np.mean(grid[:, 1:] == grid[:, :-1])]))
-
-
-def _among_siblings(grid: NDArray) -> float:
-    return float(np.mean([np.mean(grid[1::2] == grid[::2]), np.mean(grid[:, 1::2] == grid[:, ::2])]))
 
 
 def _similar(rules: NDArray) -> bool:

@@ -29,7 +29,7 @@ WHITE = (0.6, 1.4)
 SIDE_9 = {"draft": 128, "paper": 256}
 REPLICATE = {"draft": 16, "paper": 64}
 
-KEYS = {"draft": 4, "paper": 16}
+KEYS_9 = {"draft": 4, "paper": 16}
 JUDGED_SIDE_9 = {"draft": 32, "paper": 128}
 """Over how many keys claims are judged, on images of this side."""
 
@@ -46,7 +46,7 @@ NOTE_9 = (
 
 def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the occluder, and measure errors and their spectra; hand the images out."""
-    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS[quality], scenes.occluder()
+    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS_9[quality], scenes.occluder()
     exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
     measured: dict[str, dict[str, float]] = {}
@@ -120,9 +120,8 @@ def _claims_9(over_keys: dict[str, dict[str, list[float]]]) -> Claims:
     }
 
 
-SIDE_10 = 128
-JUDGED_SIDE_10 = {"draft": 32, "paper": 64}
-"""Of images of all keys."""
+SIDE_10, JUDGED_SIDE_10, KEYS_10 = 128, 64, 16
+"""Side of what is shown, and side and number of the images over which paper quality judges."""
 SPP_10 = 16
 REFERENCE_SPP = {"draft": 256, "paper": 65536}
 BOUNCES = {"draft": 2, "paper": 6}
@@ -139,56 +138,55 @@ CROPS = {
 """Scenes with their magnified areas."""
 
 NOTE_10 = (
-    f"{{side}} x {{side}} pixels, {SPP_10} samples per pixel; scenes are the package's: sports for "
-    f"motion blur, defocus for depth of field, the interior with {{bounces}} bounces for path tracing, "
-    f"the caustic for bidirectional path tracing. Claims are judged on {{small}} x {{small}} pixels over "
-    f"{{keys}} keys; Sobol' has none. Errors are root mean squares over keys; the ratio is that of "
-    f"filtered to unfiltered errors. We read artefacts as more than {ALMOST:g} times the filtered error "
-    f"of Z, and almost the best as less than {ALMOST:g} times the least. (0,2): Sobol' points "
+    f"{SIDE_10} x {SIDE_10} pixels, {SPP_10} samples per pixel; scenes are the package's: sports for "
+    "motion blur, defocus for depth of field, the interior with {bounces} bounces for path tracing, "
+    "the caustic for bidirectional path tracing. {judged} The ratio is that of filtered to unfiltered "
+    f"errors. We read artefacts as more than {ALMOST:g} times the filtered error of Z, and almost the best "
+    f"as less than {ALMOST:g} times the least. (0,2): Sobol' points "
     "xor-scrambled and shuffled per pixel. Ranked keys, after Heitz et al., are ours, with a tile and a "
     "sample order per pair of dimensions. Z: by hashing. The large images of the paper show more than "
     "these numbers. The exported image joins sports and defocus above the interior and the caustic. "
-    f"{{origins}}"
+    "{origins}"
 )
+
+JUDGED = {
+    "draft": "A draft judges no claims: it renders only what it shows, of one key.",
+    "paper": f"Claims are judged on {JUDGED_SIDE_10} x {JUDGED_SIDE_10} pixels over {KEYS_10} keys; Sobol' "
+    "has none. Errors are root mean squares over keys.",
+}
 
 
 def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
     """Render the four scenes by the four samplers, measure filtered errors, and hand the images out."""
-    side, small, keys = SIDE_10, JUDGED_SIDE_10[quality], KEYS[quality]
     compared = {name: getattr(scenes, name)() for name in CROPS}
     compared["interior"] = scenes.interior(BOUNCES[quality])
     panels, over_keys, origins = [], {}, ""
     handed_out: dict[str, list[NDArray]] = {}
     for done, (title, scene) in enumerate(compared.items(), start=1):
-        exact, area = _exact(title, scene, side, quality)
-        of_small, area_of_small = _exact(title, scene, small, quality)
+        exact, area = _exact(title, scene, SIDE_10, quality)
         origins += f"The reference of {title} is {exact.origin}. "
         panels.append(mark(f"reference\n{EFFECTS[title]}", exact.image, CROPS[title]))
-        drawn = exact.part(*pixels_of(CROPS[title], side)) if quality == "draft" else exact
-        handed_out.setdefault("reference", []).append(drawn.image)
-        found = over_keys.setdefault(title, {})
-        by_key = [make_samplers(scene.needs, small, SPP_10, key) for key in range(keys)]
-        for name in by_key[0]:
-            keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
-            images = scene_images.of_keys(scene, keyed, small, SPP_10)
-            found[name] = [diffusion.measures(image, of_small, area_of_small) for image in images]
-        for name, made in make_samplers(scene.needs, side, SPP_10, 0).items():
+        part = pixels_of(CROPS[title], SIDE_10)
+        if quality == "draft":
+            exact, area = exact.part(*part), diffusion.WHOLE
+        handed_out.setdefault("reference", []).append(exact.image)
+        found = {}
+        for name, made in make_samplers(scene.needs, SIDE_10, SPP_10, 0).items():
             if quality == "draft":
-                part = pixels_of(CROPS[title], side)
-                image = shown = scene_images.of_area(scene, made, side, SPP_10, *part)
-                error = diffusion.measures(image, exact.part(*part))["filtered error"]
+                image = shown = scene_images.of_area(scene, made, SIDE_10, SPP_10, *part)
             else:
-                image = scene_images.image(scene, made, side, SPP_10)
+                image = scene_images.image(scene, made, SIDE_10, SPP_10)
                 shown = cut(image, CROPS[title])
-                error = diffusion.measures(image, exact, area)["filtered error"]
+            found[name] = [diffusion.measures(image, exact, area)]
+            error = found[name][0]["filtered error"]
             panels.append(Panel(f"{name}\nfiltered error {error:.4f}", shown, transfer="srgb"))
             handed_out.setdefault(name, []).append(image)
+        over_keys[title] = found if quality == "draft" else _of_keys(title, scene)
         progress(done / len(compared))
-    bounces = BOUNCES[quality]
-    note = NOTE_10.format(side=side, small=small, bounces=bounces, keys=keys, origins=origins)
+    note = NOTE_10.format(bounces=BOUNCES[quality], judged=JUDGED[quality], origins=origins)
     title = (
         "Filtered errors of Z are within a fifth of the least, except for motion blur\n"
-        f"Z paper, Fig. 10; our scenes, {side} x {side} pixels, {SPP_10} samples per pixel; "
+        f"Z paper, Fig. 10; our scenes, {SIDE_10} x {SIDE_10} pixels, {SPP_10} samples per pixel; "
         "ranked keys: ours, after Heitz et al.\n"
         "filtered error: RMS after a Gaussian of 1.5 pixels, "
         + ("of the part that is shown" if quality == "draft" else "of the whole image that is shown in part")
@@ -208,22 +206,31 @@ def z_10(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
                 title: {name: judged.ratio(errors, of["Z"]) for name, errors in of.items() if name != "Z"}
                 for title, of in afar.items()
             },
-            "keys": keys,
+            "keys": len(afar["sports"]["Z"]),
         },
         "claims": _claims_10(afar),
         "note": note + z_renderings.note() + diffusion.BESIDE_WINDOW + diffusion.EXPLAINED,
     }
-    return figure, numbers, {name: _side_by_side(images) for name, images in handed_out.items()}
+    rows = {name: [np.concatenate(of[k : k + 2], axis=1) for k in (0, 2)] for name, of in handed_out.items()}
+    return figure, numbers, {name: np.concatenate(of) for name, of in rows.items()}
+
+
+def _of_keys(title: str, scene: Any) -> dict[str, list[dict[str, float]]]:
+    """Return measures of small images of each key by sampler."""
+    exact, area = _exact(title, scene, JUDGED_SIDE_10, "paper")
+    by_key = [make_samplers(scene.needs, JUDGED_SIDE_10, SPP_10, key) for key in range(KEYS_10)]
+    found = {}
+    for name in by_key[0]:
+        keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else KEYS_10]]
+        images = scene_images.of_keys(scene, keyed, JUDGED_SIDE_10, SPP_10)
+        found[name] = [diffusion.measures(image, exact, area) for image in images]
+    return found
 
 
 def _exact(title: str, scene: Any, side: int, quality: str) -> tuple[diffusion.Reference, diffusion.Area]:
     """Return the reference of a scene, and the area in which errors are measured."""
     area = diffusion.beside_window(side) if title == "interior" else diffusion.WHOLE
     return diffusion.reference(scene, side, REFERENCE_SPP[quality]), area
-
-
-def _side_by_side(images: list[NDArray]) -> NDArray[np.float64]:
-    return np.concatenate([np.concatenate(images[:2], axis=1), np.concatenate(images[2:], axis=1)])
 
 
 def _together(found: list[dict[str, float]]) -> dict[str, float]:

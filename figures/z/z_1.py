@@ -1,14 +1,12 @@
 """Z paper Fig. 1: an interior at one sample per pixel by four samplers, and the spectra of their errors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
@@ -52,10 +50,10 @@ NOTE = (
     "not the paper's scene. PBRT's (0,2)-sequence: pairs of dimensions, digitally shifted and shuffled "
     "per pixel. Ranked keys, after Heitz et al.: ours, optimised for pairs, each with its own "
     f"translation of a tile of 64 x 64 pixels, {{repeats}} of the image's width (theirs is 1/8 of it, "
-    "for eight dimensions together). Spectra are of errors, the paper's of images; they are "
-    f"means over {KEYS} keys, for Sobol' of one image. The share is the power in the strongest 1 % of "
-    "frequencies. With few tiles the spectrum has weak spikes; repetition would show as correlation of "
-    "errors 64 pixels apart, but there the scene differs, and so do errors of the same samples. A power at "
+    "for eight dimensions together). Spectra are those of the errors of the images above, the paper's of "
+    f"images; low is the mean over {KEYS} keys but for Sobol', which has none. The share is the power in "
+    "the strongest 1 % of frequencies. With few tiles the spectrum has weak spikes; repetition would show "
+    "as correlation of errors 64 pixels apart, but there the scene differs, and so do errors. A power at "
     f"low frequencies below {BLUE} of white noise is called blue. The reference is {{origin}}. "
 )
 
@@ -97,7 +95,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     square = slice(side // 8, side - side // 8), slice(side // 4, side)
     shown = ways(len(scene.needs), side, 1) | z_renderings.beside(len(scene.needs), KEY)
     for name, sampler in shown.items():
-        image = scene_images.image(scene, sampler, side, 1)
+        image = scene_images.image(scene, sampler, side, 1, KEYS)
         handed_out[name] = image[area]
         images[name] = diffusion.shown(image[square])
         spectra[name] = analysis.error_spectrum(image[square], exact.image[square])
@@ -108,7 +106,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             measured[name][SPIKES] = _spikes((image - exact.image)[area], tile)
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
-    over_keys, mean_spectra = _over_keys(scene, side, exact, area, square)
+    over_keys = _over_keys(scene, side, exact, area, square)
     images["reference"] = diffusion.shown(exact.image[square])
     filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
     low = {
@@ -119,7 +117,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     }
     rows = {
         "image": image_sheets.Row(images, captions=filtered),
-        "spectrum of the error": image_sheets.spectra(spectra | mean_spectra, low, (-1.0, 1.0)),
+        "error spectrum": image_sheets.spectra(spectra, low, (-1.0, 1.0)),
     }
     title = (
         "At one sample per pixel the error of Z is blue noise, that of the (0,2)-sequence white\n"
@@ -158,10 +156,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     return figure, numbers, handed_out
 
 
-def _over_keys(
-    scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any
-) -> tuple[Keys, dict[str, NDArray[np.float64]]]:
-    """Return measures of images of several keys and their mean spectra, by the samplers that have a key."""
+def _over_keys(scene: Any, side: int, exact: diffusion.Reference, area: Any, square: Any) -> Keys:
+    """Return measures of images of several keys, by the samplers that have a key."""
     dims = len(scene.needs)
     pairs = padded_samplers.pairs(dims)
     made: dict[str, Callable[[int], samplers.Sampler]] = {
@@ -173,19 +169,15 @@ def _over_keys(
         for name in z_renderings.beside(dims, KEY)
     }
     found: Keys = {}
-    spectra = {}
     for name, of_key in made.items():
         of = found[name] = {LOW: [], FILTERED: [], SHARE: []}
-        spectra[name] = np.zeros(exact.image[square].shape[:2])
         for key in range(KEYS):
-            image = scene_images.replicate(scene, of_key(key), side, 1)
+            image = scene_images.image(scene, of_key(key), side, 1, KEYS)
             values = diffusion.measures(image, exact, area)
-            spectrum = analysis.error_spectrum(image[square], exact.image[square])
-            values[SHARE] = strongest_share(spectrum)
-            spectra[name] += spectrum / KEYS
+            values[SHARE] = strongest_share(analysis.error_spectrum(image[square], exact.image[square]))
             for measure, list_of in of.items():
                 list_of.append(values[measure])
-    return found, spectra
+    return found
 
 
 def _correlation(error: NDArray, tile: int) -> float:
@@ -221,25 +213,20 @@ def _neighbours(error: NDArray) -> dict[str, float]:
 
 def _fading() -> dict[str, NDArray[np.float64]]:
     """Return filtered errors of Z over those of (0,2), of each key, for products of more coordinates."""
+    row, column = np.divmod(np.arange(FLAT**2, dtype=np.uint32), np.uint32(FLAT))
 
-    def filtered(sampler: samplers.Sampler, dims: int) -> float:
-        image = analysis.pixel_means(_product, sampler, FLAT, FLAT, 1, tuple(range(dims)))[..., 0]
-        return analysis.filtered_error(np.asarray(image, np.float64), np.ones((FLAT, FLAT)))
+    def filtered(keyed: Sequence[samplers.Sampler], dims: int) -> NDArray[np.float64]:
+        found = scene_images.points(keyed, (column, row, 0 * row), dims)
+        images = np.prod(2 * found, axis=-1, dtype=np.float64).reshape(-1, FLAT, FLAT)
+        return np.array([analysis.filtered_error(image, np.ones_like(image)) for image in images])
 
     return {
-        f"{dims} dimensions": np.array(
-            [
-                filtered(samplers.z(FLAT, FLAT, 1, key, "tree", dims=dims), dims)
-                / filtered(zero_two(dims, key), dims)
-                for key in range(KEYS)
-            ]
+        f"{dims} dimensions": filtered(
+            [samplers.z(FLAT, FLAT, 1, key, "tree", dims=dims) for key in range(KEYS)], dims
         )
+        / filtered([zero_two(dims, key) for key in range(KEYS)], dims)
         for dims in FADING
     }
-
-
-def _product(point: Array) -> Array:
-    return 2.0 ** point.shape[-1] * jnp.prod(point, axis=-1, keepdims=True)
 
 
 def _claims(

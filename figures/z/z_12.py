@@ -34,8 +34,8 @@ KEYS = {"draft": 1, "paper": 16}
 """Among which the sets are divided."""
 
 JUDGED_SIDE = 32
-JUDGED_KEYS = {"draft": 4, "paper": 16}
-"""Side and number of the images whose filtered errors are judged."""
+JUDGED_KEYS = {"draft": 1, "paper": 16}
+"""Side and number of the images whose filtered errors are judged: one image decides nothing."""
 DIFFUSED = {"draft": 4, "paper": 6}
 """Binary logarithm of the largest number of samples of these."""
 
@@ -79,12 +79,11 @@ NOTE = (
     "and v. 'Z hash' is our hash, which mixes three times per level, 'Z multiplicative' the paper's "
     "printed Z_hash; 'Z joint' has one sequence of five dimensions and one order. The reference is "
     f"{{origin}}. Graphs: {pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided "
-    f"among {{keys}}, "
-    f"with intervals from the sets. Filtered errors: {JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}} "
-    "keys. Reuse: every node has its own permutation, or nodes whose numbers differ by leading zeros share "
-    "one. Dimensions of the printed hash: RMS errors of products of two coordinates at the largest count, in "
-    "the same sets of pixels. The dimensions of the graphs are random numbers, none of which repeat. "
-    + diffusion.EXPLAINED
+    "among {keys}, with intervals from the sets. Filtered errors: "
+    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}}. Reuse: every node has its own permutation, or nodes "
+    "whose numbers differ by leading zeros share one. Dimensions of the printed hash: RMS errors of products "
+    "of two coordinates at the largest count, in the same sets of pixels. The dimensions of the graphs are "
+    "random numbers, none of which repeat. " + diffusion.EXPLAINED
 )
 
 
@@ -147,7 +146,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         origin=exact.origin,
         each=PIXELS[quality],
         keys=f"{len(keys)} key" + "s" * (len(keys) > 1),
-        judged=JUDGED_KEYS[quality],
+        judged="one key, which judges nothing" if quality == "draft" else f"{JUDGED_KEYS[quality]} keys",
     )
     last = counts[-1]
     ours, printed = (_pair_errors(name, side, last, PIXELS[quality]) for name in ("hash", "multiplicative"))
@@ -230,20 +229,21 @@ def _sheet(
         panels.append(Panel(f"{NAMES.get(name, name)}\nfiltered {error:.4f}", image, transfer="srgb"))
     figure = image_grid(title, panels, 5, below=graphs)
     of_graphs = {
-        "implementations": [*VARIANTS, "Z joint", "(0,2)", "random"],
-        "sizes of the alphabet": ["Z0", *ALPHABETS, "Z", "random"],
+        "implementations": [*VARIANTS, "Z joint", "(0,2)"],
+        "sizes of the alphabet": ["Z0", *ALPHABETS, "Z"],
     }
-    among = [NAMES.get(name, name) for name in errors]
+    # Without their prefix they get colours of their own.
+    short = {name: NAMES.get(name, name).removeprefix("Z, ") for name in errors}
     large = [rms(errors["Z"][spp]) for spp in counts]
     for k, (title, names) in enumerate(of_graphs.items()):
-        curves = {NAMES.get(name, name): [rms(errors[name][spp]) for spp in counts] for name in names}
+        curves = {short[name]: [rms(errors[name][spp]) for spp in counts] for name in names}
         plot.convergence(
             counts,
             {name: np.divide(values, large) for name, values in curves.items()},
             slopes=(),
             title=title,
             ylabel="RMS error relative to Z, tree",
-            among=among,
+            among=list(short.values()),
             ax=add_axes(figure, 150 + 1050 * k, 120, 510, graphs - 120 - 70),
         )
     return figure

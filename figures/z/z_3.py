@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 import analysis
-import qmcjax as qj
 from figures._errors import rms
 from figures.shared import judged
+from figures.shared.rendered import scene_images
 from figures.shared.sheets import image_sheets
 from figures.shared.sheets.curve_tables import EXPLAINED, POWER, SHARE, structure
 from figures.shared.sheets.image_sheets import Row
@@ -67,10 +67,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         "Z0": samplers.z(SIDE, SIDE, 1, None, "plain", dims=4),
         "Z, scrambled": samplers.z(SIDE, SIDE, 1, KEY, dims=4),
     }
-    images = {
-        name: np.asarray(qj.render(scene, sampler, SIDE, SIDE, 1), np.float64)
-        for name, sampler in compared.items()
-    }
+    drawn = scene_images.quickly_compiled(scene, quality)
+    images = {name: scene_images.rendered(drawn, sampler, SIDE, 1) for name, sampler in compared.items()}
     progress(0.5)
     reference = exact(scene, SIDE)
     area = np.s_[TOP : TOP + CROP, LEFT : LEFT + CROP]
@@ -96,8 +94,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
     }
     random = [_zero_two(KEY + k) for k in range(KEYS)]
     filtered = [
-        analysis.filtered_error(np.asarray(qj.render(scene, each, SIDE, SIDE, 1)), reference)
-        for each in random
+        analysis.filtered_error(scene_images.rendered(drawn, each, SIDE, 1), reference) for each in random
     ]
     of_morton = np.full(KEYS, analysis.filtered_error(images["Z0"], reference))
     claims = {

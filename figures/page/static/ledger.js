@@ -4,6 +4,7 @@
   const table = document.getElementById("ledger-table");
   const filtered = (body) => {
     const rows = [...body.rows];
+    for (const place of body.querySelectorAll("td > span[id]")) place.remove(); // The address filters instead.
     const chips = [...document.querySelectorAll(".chip")];
     const verdicts = chips.map((chip) => chip.dataset.verdict);
     const paper = document.getElementById("ledger-paper");

@@ -11,6 +11,7 @@ for (const box of document.querySelectorAll(".claims, .numbers")) {
     return made;
   };
   const show = () => {
+    loading.remove();
     const { claims, facts, note, numbers } = window.figureNumbers[box.closest("article").id];
     if (box.matches(".claims")) {
       box.append(element("div", { innerHTML: claims }));
@@ -21,8 +22,11 @@ for (const box of document.querySelectorAll(".claims, .numbers")) {
         element("div", {}, element("dt", {}, name), element("dd", {}, value)))),
       element("div", { className: "tree" }, ...Object.entries(numbers).map(([key, value]) => node(key, value))));
   };
+  const loading = element("p", { className: "note", role: "status" }, "Loading …");
+  const failed = () => { loading.textContent = "page-numbers.js cannot be read."; };
   box.addEventListener("toggle", () => {
+    box.append(loading);
     if (window.figureNumbers) show();
-    else document.head.append(element("script", { src: "page-numbers.js", onload: show }));
+    else document.head.append(element("script", { src: "page-numbers.js", onload: show, onerror: failed }));
   }, { once: true });
 }

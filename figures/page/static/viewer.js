@@ -17,6 +17,7 @@ const collection = (root) => {
   const file = (item, kind) => `${root.dataset.name}.${item[kind]}`;
   return {
     ...data, reference, counts,
+    modes: Object.fromEntries(Object.entries(exported).filter(([kind]) => items.some((item) => item[kind]))),
     samplers: [...new Set(items.map((item) => item.name))],
     find: (name, spp) => name === reference.name ? reference : items.find((item) => item.name === name && item.spp === spp),
     // The reference has neither a difference nor a spectrum: it is shown itself.
@@ -28,18 +29,23 @@ const collection = (root) => {
 };
 const error = (item) => item.rms.toPrecision(3);
 const modes = { file: "Image", difference: "Difference", spectrum: "Spectrum" };
+const exported = { file: "Image", difference: "Difference", filtered: "Filtered", spectrum: "Spectrum" };
+const errors = (item) => item.rms === undefined ? ""
+  : `RMS ${error(item)}${item.filtered_rms === undefined ? "" : `, filtered ${error({ rms: item.filtered_rms })}`}`;
 const explained = (kind, item) => ({
   file: "",
   difference: item.scale === undefined ? "" : `Difference: mid-grey is none, white +${item.scale}, black −${item.scale}`,
+  filtered: item.filtered_scale === undefined ? "" : "Difference after a Gaussian of 1.5 pixels, as from a distance: "
+    + `mid-grey is none, white +${item.filtered_scale}, black −${item.filtered_scale}`,
   spectrum: "Power spectrum of the difference, frequency 0 in the middle; black is 0.01 of white noise, white 100 times",
 })[kind];
 
 let groups = 0;
-const choiceOfModes = (changed) => {
+const choiceOfModes = (changed, offered = modes, start = "file") => {
   const group = `mode-${groups++}`;
   return element("span", { className: "modes", role: "radiogroup", "aria-label": "Show" },
-    ...Object.entries(modes).map(([kind, label]) => element("label", {},
-      element("input", { type: "radio", name: group, value: kind, checked: kind === "file", onchange: () => changed(kind) }),
+    ...Object.entries(offered).map(([kind, label]) => element("label", {},
+      element("input", { type: "radio", name: group, value: kind, checked: kind === start, onchange: () => changed(kind) }),
       label)));
 };
 const choiceOfCount = (counts, start, changed) => {
@@ -98,7 +104,7 @@ for (const root of document.querySelectorAll(".viewer")) {
   });
   const controls = element("div", { className: "controls" },
     element("label", {}, "Left", selects[0]), element("label", {}, "Right", selects[1]),
-    choiceOfModes((kind) => { mode = kind; show(); }));
+    choiceOfModes((kind) => { mode = kind; show(); }, images.modes));
   if (images.counts.length) controls.append(choiceOfCount(images.counts, 0, (count) => { spp = count; show(); }));
   root.append(controls, element("div", { className: "scroll", tabIndex: -1 }, stage, note),
     element("div", { className: "sides" }, ...sides.map((side) => side.box)));
@@ -138,7 +144,7 @@ for (const root of document.querySelectorAll(".viewer")) {
     for (const [k, item] of items.entries()) {
       const { head, difference, spectrum, notes } = sides[k];
       head.replaceChildren(item.name, " ",
-        element("small", {}, item.rms === undefined ? "" : `RMS difference ${error(item)}`));
+        element("small", {}, errors(item)));
       for (const [kind, image, text] of [["difference", difference, notes[1]], ["spectrum", spectrum, notes[2]]]) {
         image.hidden = item[kind] === undefined;
         text.textContent = image.hidden ? "" : explained(kind, item);

@@ -3,7 +3,7 @@ const GAP = 16;
 for (const root of document.querySelectorAll(".wall")) {
   const images = collection(root);
   const { width, height, counts } = images;
-  let [mode, spp] = ["file", counts[Math.min(1, counts.length - 1)]];
+  let [mode, spp] = ["filtered" in images.modes ? "filtered" : "file", counts[0]];
   const tiles = [images.reference.name, ...images.samplers].map((name) => {
     const tile = { name, image: element("img", { loading: "lazy" }), told: element("small") };
     tile.box = element("figure", {}, tile.image, element("h4", {}, name, " ", tile.told));
@@ -12,8 +12,8 @@ for (const root of document.querySelectorAll(".wall")) {
   const note = element("p");
   root.append(
     element("div", { className: "controls" },
-      choiceOfCount(counts, Math.min(1, counts.length - 1), (count) => { spp = count; show(); }),
-      choiceOfModes((kind) => { mode = kind; show(); })),
+      choiceOfCount(counts, 0, (count) => { spp = count; show(); }),
+      choiceOfModes((kind) => { mode = kind; show(); }, images.modes, mode)),
     element("div", { className: "tiles" }, ...tiles.map((tile) => tile.box)), note);
   const show = () => {
     let last;
@@ -21,7 +21,7 @@ for (const root of document.querySelectorAll(".wall")) {
       const item = images.find(name, spp);
       image.src = images.url(item, mode);
       image.alt = images.alt(item, mode);
-      told.textContent = item.rms === undefined ? "" : `RMS ${error(item)}`;
+      told.textContent = errors(item);
       last = item;
     }
     note.textContent = explained(mode, last);

@@ -53,6 +53,19 @@ def errors(values: NDArray[np.float64], exact: diffusion.Reference, pixels: Pixe
     return np.sqrt(np.maximum(square - noise, noise))
 
 
+def errors_of_images(
+    images: Sequence[NDArray[np.float64]], exact: diffusion.Reference, pixels: Pixels
+) -> NDArray[np.float64]:
+    """Return the RMS errors of all sets, which are divided among images of several keys."""
+    divided = zip(images, _divide(pixels, len(images)), strict=True)
+    return np.concatenate([errors(image[of.y, of.x], exact, of) for image, of in divided])
+
+
+def _divide(pixels: Pixels, count: int) -> list[Pixels]:
+    columns, rows = (np.array_split(each, count) for each in (pixels.x, pixels.y))
+    return [Pixels(pixels.side, x, y) for x, y in zip(columns, rows, strict=True)]
+
+
 def compare(
     scene: Any,
     exact: diffusion.Reference,
@@ -81,12 +94,12 @@ def compare(
 def _errors(
     scene: Any, exact: diffusion.Reference, pixels: Pixels, keys: Sequence[samplers.Sampler], spp: int
 ) -> NDArray[np.float64]:
-    found = []
-    for sampler, part in zip(keys, np.array_split(np.arange(SETS), len(keys)), strict=True):
-        of_key = Pixels(pixels.side, pixels.x[part], pixels.y[part])
-        values = scene_images.at_pixels(scene, sampler, pixels.side, spp, of_key.x, of_key.y)
-        found.append(errors(values, exact, of_key))
-    return np.concatenate(found)
+    return np.concatenate(
+        [
+            errors(scene_images.at_pixels(scene, sampler, of.side, spp, of.x, of.y), exact, of)
+            for sampler, of in zip(keys, _divide(pixels, len(keys)), strict=True)
+        ]
+    )
 
 
 def over_counts(of_counts: Mapping[int, NDArray[np.float64]]) -> NDArray[np.float64]:

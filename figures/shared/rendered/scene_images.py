@@ -1,6 +1,7 @@
 """Images of traced scenes by one compiled program per scene, whatever the sampler, size and count."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,13 +15,16 @@ import qmcjax as qj
 from figures.making import finished_cells
 from qmcjax import samplers
 from qmcjax.core.checkpoints import digest
-from qmcjax.core.pytrees import jit
+from qmcjax.core.pytrees import jit, pytree
 
 POINTS = 2**12
 """In one call of a scene, or of a sampler that is compiled: small images have little to fill it up."""
 
 SAMPLES = 2**14
-"""In one call of a sampler, whose steps are compiled one by one, for each size."""
+"""In one call of a sampler whose steps are compiled one by one: several samplers share these."""
+
+FEW, MANY = 2**16, 2**20
+"""Samples up to which the steps of one image are taken one by one, and from which on a fast program pays."""
 
 
 @jit()
@@ -28,32 +32,45 @@ def _values(scene: Any, points: Array) -> Array:
     return scene(points)
 
 
-@jit("dims")
-def _compiled(sampler: samplers.Sampler, x: Array, y: Array, sample: Array, dims: tuple[int, ...]) -> Array:
-    return sampler(x, y, sample, dims)
+def _of_samplers(
+    sampler: samplers.Sampler,
+    varied: list[Array],
+    x: Array,
+    y: Array,
+    sample: Array,
+    dims: tuple[int, ...],
+    differ: tuple[bool, ...],
+) -> Array:
+    """Return points of samplers that differ in some numbers, which have a first axis."""
+    leaves, structure = jax.tree.flatten(sampler)
+
+    def points(varied: list[Array]) -> Array:
+        rest = iter(varied)
+        chosen = [next(rest) if varies else leaf for leaf, varies in zip(leaves, differ, strict=True)]
+        return jax.tree.unflatten(structure, chosen)(x, y, sample, dims)
+
+    return jax.vmap(points)(varied) if varied else points([])[None]
 
 
-def image(
-    scene: Any, sampler: samplers.Sampler, side: int, spp: int, of_many: bool = False
-) -> NDArray[np.float64]:
-    """Return what `qmcjax.render` does, by a program that knows nothing of the sampler.
+_fast = jit("dims", "differ")(_of_samplers)
+_quick = jax.jit(_of_samplers, static_argnums=(5, 6), compiler_options={"xla_backend_optimization_level": 0})
 
-    To compile a scene takes longer than a small image of it. ``of_many`` says that there will be many images
-    by the same sampler but for its key, which is then compiled, too.
+
+def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int, images: int = 1) -> NDArray[np.float64]:
+    """Return what `qmcjax.render` does, by the program that areas of images share.
+
+    ``images``: how many there will be by the same sampler but for its key.
     """
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    return at_pixels(scene, sampler, side, spp, x, y, of_many).reshape(side, side, -1)
+    return at_pixels(scene, sampler, side, spp, x, y, images).reshape(side, side, -1)
 
 
 def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) -> NDArray[np.float64]:
-    """Return images, of any channels, by samplers that differ in numbers only, such as those of several keys.
-
-    Each step of the samplers is called once for all.
-    """
+    """Return images of any channels by samplers that differ in numbers only, as those of several keys."""
     for sampler in keyed:
         sampler.check(side, side, spp)
     y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    found = _means(scene, side, spp, x, y, partial(_points_of_keys, keyed))
+    found = _means(scene, side, spp, x, y, keyed)
     return found.reshape(-1, side, side, found.shape[-1])
 
 
@@ -72,11 +89,11 @@ def at_pixels(
     spp: int,
     x: NDArray[np.uint32],
     y: NDArray[np.uint32],
-    of_many: bool = False,
+    images: int = 1,
 ) -> NDArray[np.float64]:
     """Return the pixels of such an image at columns ``x`` and rows ``y`` of one shape, with their colours."""
     sampler.check(side, side, spp)
-    found = _means(scene, side, spp, x.ravel(), y.ravel(), partial(_points, sampler, of_many))
+    (found,) = _means(scene, side, spp, x.ravel(), y.ravel(), [sampler], images)
     return found.reshape(*x.shape, found.shape[-1])
 
 
@@ -86,26 +103,28 @@ def _means(
     spp: int,
     x: NDArray[np.uint32],
     y: NDArray[np.uint32],
-    points_of: Callable[..., NDArray[np.float32]],
+    keyed: Sequence[samplers.Sampler],
+    images: int = 1,
 ) -> NDArray[np.float64]:
-    """Return means over the samples of pixels, shape (..., pixels, channels).
-
-    ``points_of``: from columns, rows and samples, shape (pixels, samples), and dims to points.
-    """
+    """Return means over the samples of pixels, shape (samplers, pixels, channels)."""
+    samples = x.size * spp * images * len(keyed)
+    # A program takes a second to compile, or half, and then runs slower.
+    once = samples <= FEW and images == len(keyed) == 1
+    made = _of_samplers if once else _quick if samples < MANY else _fast
     pixels, total = np.stack([x, y], axis=-1), np.zeros(())
     together = max(1, 2**16 // x.size)
     for first in range(0, spp, together):
         samples = np.arange(first, min(first + together, spp), dtype=np.uint32)
         given = np.broadcast_arrays(pixels[:, :1], pixels[:, 1:], samples)
-        points = points_of(*given, tuple(range(len(scene.needs))))
-        points[..., :2] = (points[..., :2] + pixels[:, None]) / side
-        total = total + _evaluate(scene, points).sum(axis=-2)
+        found = points(keyed, given, len(scene.needs), made)
+        found[..., :2] = (found[..., :2] + pixels[:, None]) / side
+        total = total + evaluate(scene, found).sum(axis=-2)
     return total / spp
 
 
 def replicate(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
     """Return one image of many."""
-    return image(scene, sampler, side, spp, of_many=True)
+    return image(scene, sampler, side, spp, 16)
 
 
 def render_image(
@@ -122,53 +141,37 @@ def compare(
     side: int,
     ways: Mapping[int, Mapping[str, samplers.Sampler]],
     progress: Callable[[float], None] = lambda part: None,
+    images: int = 1,
 ) -> dict[tuple[int, str], NDArray[np.float64]]:
-    """Return images by samples per pixel and name of the sampler, shared by the processes of a job."""
+    """Return images by samples per pixel and name of the sampler: cells, each of which is kept."""
     cells = {
-        f"{name}, {spp} spp": partial(image, scene, sampler, side, spp)
+        f"{name}, {spp} spp": partial(image, scene, sampler, side, spp, images)
         for spp, of_count in ways.items()
         for name, sampler in of_count.items()
     }
-    images = finished_cells.shared(f"images of {digest('scene', scene)[0]}, {side}", cells, progress)
+    found = finished_cells.shared(f"images of {digest('scene', scene)[0]}, {side}", cells, progress)
     names = [(spp, name) for spp, of_count in ways.items() for name in of_count]
-    return dict(zip(names, images.values(), strict=True))
+    return dict(zip(names, found.values(), strict=True))
 
 
-def _points(
-    sampler: samplers.Sampler, of_many: bool, x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
+def points(
+    keyed: Sequence[samplers.Sampler],
+    given: Sequence[NDArray[np.uint32]],
+    dims: int,
+    made: Callable[..., Array] = _quick,
 ) -> NDArray[np.float32]:
-    """Return points of pixels and samples of any shape, in calls of one size."""
-    made, size = (partial(_compiled, sampler), POINTS) if of_many else (sampler, SAMPLES)
-    calls = (_calls(each.ravel(), size) for each in (x, y, sample))
-    points = np.concatenate(
-        [
-            np.asarray(made(jnp.asarray(columns), jnp.asarray(rows), jnp.asarray(samples), dims))
-            for columns, rows, samples in zip(*calls, strict=True)
-        ]
-    )
-    return points[: x.size].reshape(*x.shape, len(dims))
-
-
-def _points_of_keys(
-    keyed: Sequence[samplers.Sampler], x: NDArray, y: NDArray, sample: NDArray, dims: tuple[int, ...]
-) -> NDArray[np.float32]:
-    """Return the points of each sampler, in the order of the samplers."""
+    """Return points of samplers that differ in numbers only, for columns, rows and samples of one shape."""
     leaves = list(zip(*map(jax.tree.leaves, keyed), strict=True))
-    structure = jax.tree.structure(keyed[0])
-    differ = [any(not np.array_equal(of[0], leaf) for leaf in of[1:]) for of in leaves]
-    stacked = [jnp.stack(of) for of, varies in zip(leaves, differ, strict=True) if varies]
-
-    def points(x: Array, y: Array, sample: Array, varied: list[Array]) -> Array:
-        rest = iter(varied)
-        chosen = [next(rest) if varies else of[0] for of, varies in zip(leaves, differ, strict=True)]
-        return jax.tree.unflatten(structure, chosen)(x, y, sample, dims)
-
-    found = []
-    for call in zip(*(_calls(each.ravel(), SAMPLES) for each in (x, y, sample)), strict=True):
-        # Pixels and samples are no arguments of what is mapped: samplers look at their values.
-        of_call = partial(points, *map(jnp.asarray, call))
-        found.append(np.asarray(jax.vmap(of_call, axis_size=len(keyed))(stacked)))
-    return np.concatenate(found, axis=1)[:, : x.size].reshape(len(keyed), *x.shape, len(dims))
+    differ = tuple(any(not np.array_equal(of[0], leaf) for leaf in of[1:]) for of in leaves)
+    varied = [jnp.stack(of) for of, varies in zip(leaves, differ, strict=True) if varies]
+    size = SAMPLES if made is _of_samplers else POINTS
+    found = [
+        np.asarray(made(keyed[0], varied, *map(jnp.asarray, call), tuple(range(dims)), differ))
+        for call in zip(*(_calls(each.ravel(), size) for each in given), strict=True)
+    ]
+    count, shape = given[0].size, given[0].shape
+    every = np.concatenate(found, axis=1)[:, :count].reshape(-1, *shape, dims)
+    return every if varied else np.repeat(every, len(keyed), axis=0)
 
 
 def _calls(values: NDArray, size: int) -> NDArray:
@@ -177,8 +180,41 @@ def _calls(values: NDArray, size: int) -> NDArray:
     return np.pad(values, padding, mode="edge").reshape(-1, size, *values.shape[1:])
 
 
-def _evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
+def evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
+    """Return the values of a scene at points, (..., dims), as (..., channels)."""
     flat = points.reshape(-1, points.shape[-1])
     calls = _calls(flat, POINTS)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])
     return values[: len(flat)].reshape(*points.shape[:-1], -1)
+
+
+@pytree
+@dataclass(frozen=True)
+class _OneByOne:
+    """A scene of which a program evaluates one sample at a time: it compiles in a third of the time."""
+
+    scene: Any
+
+    unrolled = 1
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        return self.scene.needs
+
+    def __call__(self, point: Array) -> Array:
+        return self.scene(point)
+
+    def reference(self, width: int, height: int) -> tuple[NDArray, float]:
+        return self.scene.reference(width, height)
+
+
+def quickly_compiled(scene: Any, quality: str) -> Any:
+    """Return a scene of one value, in drafts so that `qmcjax.render` compiles it soon."""
+    return scene if quality == "paper" else _OneByOne(scene)
+
+
+def rendered(scene: Any, sampler: samplers.Sampler, side: int, spp: int) -> NDArray[np.float64]:
+    """Return an image of a scene of one value, of few samples without compiling the sampler in drafts."""
+    if isinstance(scene, _OneByOne) and side**2 * spp <= FEW:
+        return image(scene, sampler, side, spp)[..., 0]
+    return np.asarray(qj.render(scene, sampler, side, side, spp), np.float64)

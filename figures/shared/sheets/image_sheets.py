@@ -117,7 +117,7 @@ def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE, room: 
         table.append(cells)
     if any(row.shades and heads[-1] in row.images for row in rows.values()):
         room += KEY
-    figure, places = _sheet(title, table, len(heads), LABEL, room, 0, width)
+    figure, places = _sheet(title, table, len(heads), LABEL, room, GAP, width)
     across, down = figure.get_size_inches() * DPI
     for (label, row), (left, right, bottom, size) in zip(rows.items(), places, strict=True):
         x, y = (left - 16) / across, (bottom + size / 2) / down
@@ -138,7 +138,7 @@ def _sheet(
 ) -> tuple[Figure, list[tuple[int, int, int, int]]]:
     """Draw rows of images, centred; return left, right, bottom and height of each row."""
     width = round(inches * DPI)
-    size = (width - left - right + GAP) // columns - GAP
+    size = (width - left - right) // columns - GAP
     heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
     heads = [LINE * count + 16 * bool(count) for count in heads]
     sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
@@ -212,4 +212,4 @@ def spectra(
         name: np.log10(np.fft.fftshift(power) + 10 ** (decades[0] - 1)) for name, power in powers.items()
     }
     ticks = {float(power): f"{10.0**power:g}" for power in np.arange(decades[0], decades[1] + 1)}
-    return Row(images, decades, Shades("power (white noise: 1)", ticks), captions)
+    return Row(images, decades, Shades("white noise: 1", ticks), captions)

@@ -29,20 +29,19 @@ Make = Callable[[int, int, int, int], Any]
 """From side, samples per pixel, dimensions and key to a sampler."""
 
 
-def _candidate(name: str) -> Make:
-    make = CANDIDATES[name].make
-    return lambda side, spp, dims, key: make(dims, side, side, spp, key)
-
-
-SAMPLERS = {
-    "random": _candidate("random"),
-    "Owen, each pixel": _candidate("(0,2), Owen"),
-    "global Sobol', xor": _candidate("Sobol', full screen"),
-    "raster, Owen": _candidate("raster, Owen-Sobol'"),
-    "Hilbert, Owen": _candidate("Hilbert, Owen-Sobol'"),
-    "Hilbert, Halton": _candidate("Hilbert, Halton (2,3)"),
-    "Z": _candidate("Z, hash"),
-    "lattice, rotated": _candidate("rank-1 lattice"),
+NAMES = {
+    "random": "random",
+    "Owen, each pixel": "(0,2), Owen",
+    "global Sobol', xor": "Sobol', full screen",
+    "raster, Owen": "raster, Owen-Sobol'",
+    "Hilbert, Owen": "Hilbert, Owen-Sobol'",
+    "Hilbert, Halton": "Hilbert, Halton (2,3)",
+    "Z": "Z, hash",
+    "lattice, rotated": "rank-1 lattice",
+}
+SAMPLERS: dict[str, Make] = {
+    short: lambda side, spp, dims, key, name=name: CANDIDATES[name].make(dims, side, side, spp, key)
+    for short, name in NAMES.items()
 }
 ADAPTIVE = "Hilbert, Owen"
 """Also measured where constant pixels are skipped."""
@@ -82,66 +81,59 @@ def traced_scenes(quality: str) -> dict[str, scenes.Traced]:
     }
 
 
-def compare(
+def _sweep(
+    name: str,
     scene: Any,
     entries: Mapping[str, tuple[Make, bool]],
-    side: int,
-    spp: int,
-    calls: int,
-    error: Callable[[NDArray], float] | None = None,
-) -> dict[str, tuple[list[float], list[float]]]:
-    """Return seconds and RMS errors of images, the first of which compiles, pixels skipped or not.
+    size: tuple[int, tuple[int, ...], int],
+    error: Callable[[NDArray], float],
+) -> list[dict]:
+    """Return a row for each sampler and count, with quartiles of times; constant pixels are skipped or not.
 
-    ``error``: that of an image, by default from the scene's exact pixel means.
+    ``size``: side, counts, and calls after the first, which compiles. ``error``: that of an image.
     """
-    if error is None:
-        exact, _ = scene.reference(side, side)
-        error = partial(_error, exact)
-    found: dict[str, tuple[list[float], list[float]]] = {who: ([], []) for who in entries}
-    for key in range(calls + 1):
-        for who, (make, adaptive) in entries.items():
-            sampler, render = make(side, spp, len(scene.needs), key), _adaptive if adaptive else qj.render
-            image, seconds = timed(render, scene, sampler, side, side, spp)
-            found[who][0].append(seconds.clock)
-            found[who][1].append(error(np.asarray(image)))
-    return found
-
-
-def _error(exact: NDArray, image: NDArray) -> float:
-    return rms(image - exact)
+    side, counts, calls = size
+    rows = []
+    for spp in counts:
+        seconds: dict[str, list[float]] = {who: [] for who in entries}
+        errors: dict[str, list[float]] = {who: [] for who in entries}
+        for key in range(calls + 1):
+            for who, (make, adaptive) in entries.items():
+                sampler = make(side, spp, len(scene.needs), key)
+                image, taken = timed(_adaptive if adaptive else qj.render, scene, sampler, side, side, spp)
+                seconds[who].append(taken.clock)
+                errors[who].append(error(np.asarray(image)))
+        for who, of in seconds.items():
+            low, median, high = np.quantile(of[1:], [0.25, 0.5, 0.75]).tolist()
+            row = {
+                "scene": name,
+                "sampler": who,
+                "spp": spp,
+                "seconds": median,
+                "rms error": rms(errors[who]),
+            }
+            rows.append(row | {"seconds, lower quartile": low, "seconds, upper quartile": high})
+    return rows
 
 
 def _adaptive(*given: Any) -> Any:
     return qj.render_adaptive(*given).image
 
 
-def _rows(name: str, spp: int, found: Mapping[str, tuple[list[float], list[float]]]) -> list[dict]:
-    """Return a row for each sampler, with quartiles of times."""
-    rows = []
-    for who, (seconds, errors) in found.items():
-        low, median, high = np.quantile(seconds[1:], [0.25, 0.5, 0.75]).tolist()
-        row = {"scene": name, "sampler": who, "spp": spp, "seconds": median, "rms error": rms(errors)}
-        rows.append(row | {"seconds, lower quartile": low, "seconds, upper quartile": high})
-    return rows
-
-
 def measure(quality: str) -> dict[str, Any]:
     """Return the rows of exact and of traced scenes, and errors of the latter's references."""
-    side, counts, calls = SIZES[quality]
     exact, traced, floors, origins = [], [], {}, []
     for name, scene in exact_scenes(quality).items():
         entries = {who: (make, False) for who, make in SAMPLERS.items()}
         if hasattr(scene, "varies"):
             entries[f"{ADAPTIVE}, adaptive"] = SAMPLERS[ADAPTIVE], True
-        for spp in counts:
-            exact += _rows(name, spp, compare(scene, entries, side, spp, calls))
+        means = scene.reference(SIZES[quality][0], SIZES[quality][0])[0]
+        exact += _sweep(name, scene, entries, SIZES[quality], lambda image, means=means: rms(image - means))
     entries = {who: (SAMPLERS[who], False) for who in OURS[quality]}
-    side, counts, calls, most = TRACED[quality]
+    *size, most = TRACED[quality]
     for name, scene in traced_scenes(quality).items():
-        known = diffusion.reference(scene, side, most)
+        known = diffusion.reference(scene, size[0], most)
         floors[name] = rms(known.error)
         origins.append(f"{name}, {known.origin}, RMS error {floors[name]:.1e}.")
-        error = partial(diffusion.rms_error, exact=known)
-        for spp in counts:
-            traced += _rows(name, spp, compare(scene, entries, side, spp, calls, error))
+        traced += _sweep(name, scene, entries, tuple(size), partial(diffusion.rms_error, exact=known))
     return {"exact": exact, "traced": traced, "floors": floors, "origins": " ".join(origins)}

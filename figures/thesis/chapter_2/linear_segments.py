@@ -34,17 +34,19 @@ def thesis_2_4(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     errors = {name: [1 - found / exact[name] for found in of] for name, of in sums.items()}
     slopes = {name: slope(dict(zip(PIECES[2:], of[2:], strict=True))) for name, of in errors.items()}
 
-    figure, (left, right) = pair(
-        "Linear segments approximate the arc length, even of a curve with a corner\nthesis, Fig. 2.4"
+    figure = new_figure(
+        "Linear segments approximate the arc length, even of a curve with a corner\nthesis, Fig. 2.4", 3.8
     )
-    draw_curve(left, CURVE)
-    ends = at(CURVE, np.linspace(CURVE.knots[0], CURVE.knots[-1], SHOWN_2_4 + 1))
-    left.plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN_2_4} linear segments")
-    legend_below(figure, figure.axes[0])
+    panels = figure.subplot_mosaic([["smooth", "errors"], ["with a corner", "errors"]])
+    for name, path in CURVES.items():
+        draw_curve(panels[name], path)
+        ends = at(path, np.linspace(path.knots[0], path.knots[-1], SHOWN_2_4 + 1))
+        panels[name].plot(*ends.T, "o-", color="C1", ms=4, lw=0.8, label=f"{SHOWN_2_4} linear segments")
+    legend_below(figure, panels["smooth"])
     for (name, of), look in zip(errors.items(), (Style("C0", "o"), Style("C4", "v")), strict=True):
         label = f"curve {name}, slope {slopes[name]:.2f}"
-        curve(right, dict(zip(PIECES, of, strict=True)), look, label=label)
-    name_axes(right, "linear segments", "missing part / length", log="xy", legend="best")
+        curve(panels["errors"], dict(zip(PIECES, of, strict=True)), look, label=label)
+    name_axes(panels["errors"], "linear segments", "missing part / length", log="xy", legend="best")
     measured = {
         name: {
             "length": exact[name],

@@ -16,7 +16,7 @@ from figures._rc import BLACK, VERMILLION
 from figures.shared import judged
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import Panel, image_grid
-from figures.thesis.chapter_3.moved_pixels import draw
+from figures.thesis.chapter_3.predicted_images import draw_triangles
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -26,6 +26,8 @@ PIXELS, KEYS = 48, {"draft": 4, "paper": 16}
 
 INTERVALS, TIMES, FRAMES = 3, 16, 8
 """In which a ray sees squares; instants that are shaded in each of them; predicted frames."""
+SAMPLES = 12
+"""Random times of each ray, where their placement is compared."""
 
 EDGE, WAVES, FLOOR = 0.3, 5, 0.6
 TINTS = np.array([[0.02, 0.12, 0.45], [0.5, 0.12, 0.02], [0, 0, 0]])
@@ -44,11 +46,13 @@ ALONE, CROSSING, HIGHLIGHT, SHADOW = "one square", "crossing squares", "a highli
 SETTINGS = ALONE, CROSSING, HIGHLIGHT, SHADOW
 EXACT, STILL, DULL = "exact", "no blur", "no highlight"
 SWEPT, CLAMPED, CONVOLVED, FLOW = "swept geometry", "clamped shading", "convolved frame", "optical flow"
+BY_LENGTH, EQUALLY = "samples by length", "samples in equal numbers"
 BY_FLOW, BY_MOTION = "predicted by flow", "predicted by motion"
 
 BETWEEN = "swept geometry: more than a fifth of the error of no blur where two squares cross"
 POORLY = "clamped shading: more than half of the error of leaving the highlight out remains"
 WITHIN = "convolution: more than half of the error of no blur where two squares cross"
+LENGTHS = "samples by the lengths of intervals have less error than equal numbers in each"
 PREDICTED = "frames predicted by optical flow have less than half the error in the shadow"
 
 NOTE = (
@@ -85,6 +89,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         },
         "clamped shading over no highlight": judged.interval(remaining),
         "shadow predicted by flow over by motion": judged.interval(by_flow),
+        "error of samples by length over equal numbers": judged.ratios(table, BY_LENGTH, EQUALLY),
     }
     ends = {way: np.sort([of[way] for of in relative.values()], axis=0)[[0, -1]] for way in ways}
     claims = {
@@ -96,6 +101,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         POORLY: judged.below(-remaining, -0.5),
         WITHIN: judged.below(-relative[CROSSING][CONVOLVED], -0.5),
         PREDICTED: judged.below(by_flow, 0.5),
+        LENGTHS: {at: judged.smaller(of[BY_LENGTH], of[EQUALLY]) for at, of in table.items()},
     }
     title = (
         "Each approximation of motion blur is close in some scenes and fails in others\n"
@@ -170,9 +176,9 @@ def blur(scene: Scene) -> tuple[dict[str, NDArray], dict[str, float]]:
     # The object in front in each pixel; 2, the last row, is the floor.
     front = (np.stack([one, other]) % 3).reshape(2, PIXELS, 2, PIXELS, 2).min(axis=(2, 4))
     moved = PIXELS * scene.velocity[front] * np.array([1, -1])[:, None, None]
-    dull = scene._replace(effect=DULL)
+    dull, exact = scene._replace(effect=DULL), integrate(scene, places, seen, scene.shade)
     images = {
-        EXACT: shrink(integrate(scene, places, seen, scene.shade)),
+        EXACT: shrink(exact),
         STILL: shrink(still),
         DULL: shrink(integrate(dull, places, seen, dull.shade)),
         SWEPT: shrink(sweep(scene, places)),
@@ -181,6 +187,9 @@ def blur(scene: Scene) -> tuple[dict[str, NDArray], dict[str, float]]:
         FLOW: np.mean([predict(frames, flows, (k + 0.5) / FRAMES) for k in range(FRAMES)], axis=0),
     }
     errors = {name: rms(image - images[EXACT]) for name, image in images.items()}
+    random = np.random.default_rng(scene.phase.view(np.uint64).ravel())
+    for name in (BY_LENGTH, EQUALLY):
+        errors[name] = rms(sample(scene, places, seen, name == BY_LENGTH, random) - exact)
     for name, way in ((BY_FLOW, flows), (BY_MOTION, np.stack([moved.imag, moved.real], axis=1))):
         errors[name] = rms((predict(frames, way, 0.5) - images[STILL])[PIXELS // 2 :])
     return images, errors
@@ -222,9 +231,28 @@ def integrate(
     length, number = seen.end - seen.start, seen.number[:, None]
     time = seen.start[:, None] + length[:, None] * (np.arange(TIMES) + 0.5) / TIMES
     inside = places[seen.ray, None] - scene.corner[number] - time * scene.velocity[number]
-    colors = length[:, None] * shade(number, inside, time).mean(axis=1)
-    sums: Any = [np.bincount(seen.ray, part, len(places)) for part in colors.T]
+    return _sums(seen.ray, length[:, None] * shade(number, inside, time).mean(axis=1), len(places))
+
+
+def _sums(ray: NDArray[np.intp], colors: NDArray, count: int) -> NDArray[np.float64]:
+    sums: Any = [np.bincount(ray, part, count) for part in colors.T]
     return np.stack(sums, axis=-1)
+
+
+def sample(
+    scene: Scene, places: Complex, seen: Seen, by_length: bool, random: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return colours as `integrate` by random times, one in each interval, others by length or equally."""
+    parts = np.bincount(seen.ray)[seen.ray]
+    place = np.arange(len(parts)) - np.searchsorted(seen.ray, seen.ray)
+    start, end = (seen.start, seen.end) if by_length else (place / parts, (place + 1) / parts)
+    count = 1 + (np.rint((SAMPLES - parts) * end) - np.rint((SAMPLES - parts) * start)).astype(int)
+    each, length = np.repeat(np.arange(len(count)), count), seen.end - seen.start
+    ray, number, time = seen.ray[each], seen.number[each], seen.start[each]
+    time = time + length[each] * random.random(len(each))
+    inside = places[ray] - scene.corner[number] - time * scene.velocity[number]
+    weight = (length / count)[each, None]
+    return _sums(ray, weight * scene.shade(number, inside, time), len(places))
 
 
 def sweep(scene: Scene, places: Complex) -> NDArray[np.float64]:
@@ -254,7 +282,7 @@ def convolve(image: NDArray, number: NDArray[np.intp], velocity: Complex) -> NDA
     """
     nearest: Any = distance_transform_edt(number >= 0, return_distances=False, return_indices=True)
     blurred = image[tuple(nearest)]
-    for k in (1, 0):
+    for k in reversed(range(len(velocity) - 1)):
         wide, axis = abs(velocity[k]) * len(image), int(velocity[k].imag == 0)
         # The outer pixels of the box are covered in part.
         box = np.clip((wide + 1) / 2 - abs(np.arange(2 * (wide // 2) + 3) - wide // 2 - 1), 0, 1)
@@ -292,7 +320,7 @@ def predict(frames: NDArray, flows: NDArray, time: float) -> NDArray[np.float64]
     images, weights = [], []
     for image, flow, part in zip(frames, flows, (time, 1 - time), strict=True):
         y, x = np.indices(flow.shape[1:]) + part * flow
-        found = draw(x, y, -np.hypot(*flow), np.ones_like(x, np.bool_))
+        found = draw_triangles(x, y, -np.hypot(*flow), np.ones_like(x, np.bool_))
         moved = np.sum(found.weights[..., None] * image.reshape(-1, 3)[found.vertices], axis=2)
         images.append(np.where(found.covered[..., None], moved, image))
         weights.append(np.broadcast_to(found.covered[..., None] + 1e-9, image.shape) * (1 - part))

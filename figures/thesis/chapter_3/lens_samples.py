@@ -50,7 +50,8 @@ def thesis_3_8(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     lens = np.asarray(sequences.sobol(2).points(max(COUNTS)))
     slices = []
     for number, point in enumerate(lens):
-        slices.append(scene_images.replicate(scene, _from_one_point(point, number), SIDE_3_8, spp))
+        fixed = _AtOnePoint(samplers.independent(sequences.sobol(6), number), point)
+        slices.append(scene_images.replicate(scene, samplers.as_sampler("sampler", fixed), SIDE_3_8, spp))
         progress(0.8 * (number + 1) / len(lens))
     every = samplers.independent(sequences.sobol(len(scene.needs)), 1)
     whole = scene_images.replicate(scene, every, SIDE_3_8, MANY_3_8[quality])
@@ -95,12 +96,6 @@ class _AtOnePoint:
         found = self.sampler(x, y, sample, tuple(range(6)), dtype)
         fixed = jnp.broadcast_to(jnp.asarray(self.point, dtype), (*found.shape[:-1], 2))
         return jnp.concatenate([found[..., :2], fixed, found[..., 4:]], axis=-1)[..., jnp.array(dims)]
-
-
-def _from_one_point(point: NDArray, key: int) -> samplers.Sampler:
-    """Return a sampler whose lens coordinates are those of one point."""
-    free = samplers.independent(sequences.sobol(6), key)
-    return samplers.as_sampler("sampler", _AtOnePoint(free, point))
 
 
 def _not_linear(camera: tracing.Camera, point: NDArray) -> float:

@@ -59,7 +59,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     legend_below(figure, figure.axes[1])
     progress(0.5)
     mine, theirs = _toggle(opened, closed), theirs[shown:]
-    same = np.array([_close(a, b) for a, b in zip(mine, theirs, strict=True)])
+    pairs = zip(mine, theirs, strict=True)
+    same = np.array([len(a) == len(b) and np.allclose(a, b, atol=TOLERANCE) for a, b in pairs])
     off = _off_plane(opened, closed)
     far_off = float(np.mean(off > 0.01))
     covered = [sum(b - a for a, b in spans) for spans in theirs]
@@ -184,7 +185,3 @@ def _library(opened: NDArray, closed: NDArray) -> list[list[tuple[float, float]]
     start, end, shape = (np.asarray(part, float) for part in (found.start, found.end, found.shape))
     rows = zip(start, end, shape >= 0, strict=True)
     return [list(zip(a[used].tolist(), b[used].tolist(), strict=True)) for a, b, used in rows]
-
-
-def _close(one: list[tuple[float, float]], other: list[tuple[float, float]]) -> bool:
-    return len(one) == len(other) and bool(np.allclose(one, other, atol=TOLERANCE))

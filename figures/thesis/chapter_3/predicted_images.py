@@ -14,13 +14,71 @@ import numpy as np
 from jax import Array
 from numpy.typing import NDArray
 
-from figures.thesis.chapter_3 import moved_pixels
+from figures.shared.rendered import scene_images
 from qmcjax import tracing
 from qmcjax.core import draws
 from qmcjax.core.bits import below_one
 from qmcjax.core.parameters import cast
 from qmcjax.core.pytrees import jit
 from qmcjax.tracing.search.intersection import frames, in_dtype, intersect
+
+
+class Drawn(NamedTuple):
+    """The triangle in front in each pixel, arrays of shape (height, width, ...)."""
+
+    covered: NDArray[np.bool_]
+    """Whether there is one."""
+    vertices: NDArray[np.intp]
+    """(..., 3): its vertices, as pixel numbers in row-major order."""
+    weights: NDArray[np.float64]
+    """(..., 3): their barycentric weights, which sum to 1."""
+
+
+def triangles_between(height: int, width: int) -> NDArray[np.intp]:
+    """Return the corners of all triangles, (n, 3), as pixel numbers."""
+    pixel = np.arange(height * width).reshape(height, width)
+    a, b, c, d = pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]
+    return np.concatenate([np.stack(t, axis=-1).reshape(-1, 3) for t in ((a, c, b), (d, b, c))])
+
+
+def draw_triangles(x: NDArray, y: NDArray, depth: NDArray, seen: NDArray[np.bool_]) -> Drawn:
+    """Draw the triangles whose vertices are all seen: those in front, of the smallest depth (Fig. 3.6).
+
+    Arguments have shape (height, width). Positions are in pixels: the centre of pixel (i, j) is (i, j). All
+    pairs of a triangle and a pixel of its bounding box are tested at once.
+    """
+    height, width = x.shape
+    corners = triangles_between(height, width)
+    corners = corners[seen.ravel()[corners].all(axis=1)]
+    at_x, at_y = x.ravel().astype(np.float64)[corners], y.ravel().astype(np.float64)[corners]
+    # Boxes in whole pixels, clipped to the image.
+    left = np.clip(np.ceil(at_x.min(axis=1)), 0, width).astype(np.intp)
+    right = np.clip(np.floor(at_x.max(axis=1)), -1, width - 1).astype(np.intp)
+    top = np.clip(np.ceil(at_y.min(axis=1)), 0, height).astype(np.intp)
+    bottom = np.clip(np.floor(at_y.max(axis=1)), -1, height - 1).astype(np.intp)
+    columns, rows = np.maximum(right - left + 1, 0), np.maximum(bottom - top + 1, 0)
+    triangle = np.repeat(np.arange(len(corners)), columns * rows)
+    within = np.arange(len(triangle)) - np.repeat(np.cumsum(columns * rows) - columns * rows, columns * rows)
+    row, column = np.divmod(within, np.maximum(columns, 1)[triangle])
+    column, row = left[triangle] + column, top[triangle] + row
+    dx, dy = at_x[triangle] - column[:, None], at_y[triangle] - row[:, None]
+    (dx_1, dx_2), (dy_1, dy_2) = ([np.roll(d, -k, axis=1) for k in (1, 2)] for d in (dx, dy))
+    areas = dx_1 * dy_2 - dx_2 * dy_1
+    total = areas.sum(axis=1)
+    # Back faces too: rotation may show the other side.
+    inside = (total != 0) & ((areas >= 0).all(axis=1) | (areas <= 0).all(axis=1))
+    triangle, weights = triangle[inside], areas[inside] / total[inside, None]
+    place = row[inside] * width + column[inside]
+    near = np.sum(weights * depth.ravel().astype(np.float64)[corners[triangle]], axis=1)
+    order = np.lexsort((near, place))
+    place, first = np.unique(place[order], return_index=True)
+    front = order[first]
+    covered = np.zeros(height * width, bool)
+    vertices, parts = np.zeros((height * width, 3), np.intp), np.zeros((height * width, 3))
+    covered[place], vertices[place], parts[place] = True, corners[triangle[front]], weights[front]
+    shape = height, width
+    return Drawn(covered.reshape(shape), vertices.reshape(*shape, 3), parts.reshape(*shape, 3))
+
 
 FAR = 1e30
 """The depth of pixels without a hit."""
@@ -121,9 +179,10 @@ class Renderer(NamedTuple):
                 self.scene, jnp.asarray(place.astype(np.float32)), size, jax.random.fold_in(key, number)
             )
             parts.append([np.asarray(a)[: len(some)] for a in of_rows])
-        whole = DeepImage(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        points, *hits = (np.concatenate(column) for column in zip(*parts, strict=True))
+        whole = DeepImage(scene_images.evaluate(self.scene, points), *hits)
         nearest = count * np.arange(len(pixels)) + whole.distance.reshape(-1, count).argmin(axis=1)
-        color = whole.color.reshape(-1, count, 3).mean(axis=1, dtype=np.float64).astype(np.float32)
+        color = whole.color.reshape(-1, count, 3).mean(axis=1).astype(np.float32)
         return DeepImage(*(a[nearest] for a in whole))._replace(color=color)
 
     def predict(self, left: DeepImage, right: DeepImage, step: Step) -> tuple[DeepImage, NDArray[np.bool_]]:
@@ -179,7 +238,7 @@ class Renderer(NamedTuple):
         y, x = np.divmod(np.arange(len(later)), self.side)
         x, y = x + (now[0] - then[0]) * self.side, y + (now[1] - then[1]) * self.side
         given = x, y, np.where(deep.number < 0, FAR, now[2]), (now[2] > 0) & (then[2] > 0)
-        drawn = moved_pixels.draw(*(a.reshape(self.side, self.side) for a in given))
+        drawn = draw_triangles(*(a.reshape(self.side, self.side) for a in given))
         vertices, weights = drawn.vertices.reshape(-1, 3), drawn.weights.reshape(-1, 3)
         nearest = np.take_along_axis(vertices, weights.argmax(axis=1)[:, None], axis=1)[:, 0]
         color = np.sum(weights[:, :, None] * deep.color[vertices], axis=1).astype(np.float32)
@@ -194,8 +253,11 @@ def _merge(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepIm
 
 
 @jit()
-def _sample_rows(scene: tracing.DirectLight, place: Array, size: Array, key: Array) -> DeepImage:
-    """Return one random sample per row at the given (x, y, interval), shape (3, n)."""
+def _sample_rows(scene: tracing.DirectLight, place: Array, size: Array, key: Array) -> tuple[Array, ...]:
+    """Return random points at the given (x, y, interval), shape (3, n), and what their rays hit.
+
+    The scene has a program of its own, which other images of it share.
+    """
     points = draws.uniform(key, (place.shape[1], len(scene.needs)), place.dtype)
     columns = [scene.needs.index(name) for name in ("x", "y", "time")]
     for j, column in enumerate(columns):
@@ -207,7 +269,7 @@ def _sample_rows(scene: tracing.DirectLight, place: Array, size: Array, key: Arr
     at = intersect(in_dtype(scene.world, points.dtype), sight.origin, sight.direction, time)
     inside = jax.tree.map(partial(jnp.where, at.valid), at.inside, sight.direction)
     distance = jnp.where(at.valid, at.distance, jnp.inf)
-    return DeepImage(scene(points), distance, jnp.stack(inside, axis=-1), time, at.number)
+    return points, distance, jnp.stack(inside, axis=-1), time, at.number
 
 
 @jit()

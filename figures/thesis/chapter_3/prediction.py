@@ -19,15 +19,28 @@ from figures._rc import BLUE, GREY, VERMILLION
 from figures.shared.rendered import scene_images
 from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
-from figures.thesis.chapter_3.moved_pixels import triangles_between
-from figures.thesis.chapter_3.predicted_images import Predicted, Step, predict, project
+from figures.thesis.chapter_3.predicted_images import (
+    ROWS,
+    Predicted,
+    Step,
+    predict,
+    project,
+    triangles_between,
+)
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
 
 FLOOR, BOX, MIRROR = 0, 1, 2
 """Numbers of primitives; the walls are 3."""
 
-CAMERA = tracing.camera([0.0, 2.2, 4.6], [0.0, 0.45, 0.0], fov=36.0)
+
+def moved_camera(aside: float, upward: float) -> tracing.Camera:
+    """Return the camera, moved there and back; one that stands still has the same program."""
+    path = motion.linear_segments([0, 0.5, 1], [[0, 0, 0], [aside, upward, 0], [0, 0, 0]])
+    return tracing.camera([0.0, 2.2, 4.6], [0.0, 0.45, 0.0], fov=36.0, motion=motion.affine(None, path))
+
+
+CAMERA, SHAKEN = moved_camera(0.0, 0.0), moved_camera(0.3, 0.1)
 
 
 def path() -> motion.Affine:
@@ -67,9 +80,10 @@ class Seen(NamedTuple):
 def first_hits(side: int, time: float, camera: tracing.Camera = CAMERA) -> Seen:
     """Return what the middles of side x side pixels see."""
     middles = ((np.arange(side) + 0.5) / side).astype(np.float32)
-    x, y = (jnp.asarray(a.ravel()) for a in np.meshgrid(middles, middles))
-    number, point = _first_hits(sliding_box(camera), x, y, jnp.full_like(x, time))
-    return Seen(np.asarray(number), np.asarray(point))
+    # One program for small images, too.
+    x, y = (jnp.asarray(np.resize(a, max(a.size, ROWS))) for a in np.meshgrid(middles, middles))
+    found = _first_hits(sliding_box(camera), x, y, jnp.full_like(x, time))
+    return Seen(*(np.asarray(a)[: side**2] for a in found))
 
 
 @jax.jit
@@ -108,6 +122,8 @@ class Size(NamedTuple):
 
 
 SIZES_3_3 = {"draft": Size(128, 8, 16), "paper": Size(128, 64, 512)}
+APART_3_3 = {"draft": 64, "paper": 128}
+"""Side of the images of all intervals that are compared with each other."""
 LEVELS = 3
 CHECKS = 4
 CONTRAST = 0.1
@@ -116,10 +132,11 @@ NOTE_3_3 = (
     "The scene is ours: a box that slides and turns by 69 degrees above a checkerboard, its shadow and "
     "its reflection in a still sphere, {side} x {side} pixels, 9 intervals of the shutter. The first "
     "and the last image have {spp} random samples per pixel, the truth of an interval {exact} "
-    "Owen-scrambled ones. The blend is the mean of the first and last image; the prediction has no "
-    "sample of the middle. Errors are RMS over all pixels, and over those of the box in the middle of "
-    "the shutter; the prediction mostly lacks the shadow and the reflection. 'Corrected': {checks} "
-    "samples per pixel check the prediction at a contrast of {contrast}; where the check fails, the "
+    "Owen-scrambled ones; the images of different intervals are compared on {apart} x {apart} pixels. The "
+    "blend is the mean of the first and last image; the prediction has no sample of the middle. Errors are "
+    "RMS over all pixels, and over those of the box in the middle of the shutter; the prediction mostly "
+    "lacks the shadow and the reflection. 'Corrected': {checks} samples per pixel check the prediction at a "
+    "contrast of {contrast}; where the check fails, the "
     "pixel gets {spp}. Failed pixels are counted by level, with as many checks on each."
 )
 
@@ -137,17 +154,20 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     progress(0.3)
     truth = []
     for which in range(count):
-        truth.append(render_interval(size.side, size.exact, quality, count, which))
+        truth.append(render_interval(APART_3_3[quality], size.exact, quality, count, which))
         progress(0.3 + 0.7 * (which + 1) / count)
     middle = count // 2
+    exact = truth[middle]
+    if len(exact) < size.side:
+        exact = render_interval(size.side, size.exact, quality, count, middle)
     images = {
         "linear blend": 0.5 * (raw.images[0] + raw.images[-1]),
         "prediction": raw.images[middle],
         "corrected": corrected.images[middle],
     }
-    errors = {name: rms(image - truth[middle]) for name, image in images.items()}
+    errors = {name: rms(image - exact) for name, image in images.items()}
     box = (first_hits(size.side, 0.5).number == BOX).reshape(size.side, size.side)
-    of_box = {name: rms(image[box] - truth[middle][box]) for name, image in images.items()}
+    of_box = {name: rms(image[box] - exact[box]) for name, image in images.items()}
     blended, predicted, _ = of_box.values()
     apart = {
         str(2**level): float(np.mean([rms(a - b) for a, b in zip(truth, truth[2**level :], strict=False)]))
@@ -176,10 +196,11 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
             b < a for a, b in pairwise(failed.values())
         ),
     }
-    note = NOTE_3_3.format(side=size.side, spp=size.spp, exact=size.exact, checks=CHECKS, contrast=CONTRAST)
+    given = size._asdict() | {"apart": APART_3_3[quality], "checks": CHECKS, "contrast": CONTRAST}
+    note = NOTE_3_3.format(**given)
     panels = [
         Panel("first interval", shown(raw.images[0])),
-        Panel("middle interval, truth", shown(truth[middle])),
+        Panel("middle interval, truth", shown(exact)),
         Panel("last interval", shown(raw.images[-1])),
     ]
     for name, image in images.items():
@@ -217,10 +238,6 @@ def _recursion(axes: Axes, steps: tuple[Step, ...], count: int) -> None:
 
 
 SIZES_3_6 = {"draft": Size(128, 16, 16), "paper": Size(128, 64, 1024)}
-SHAKEN = replace(
-    CAMERA,
-    motion=motion.affine(None, motion.linear_segments([0, 0.5, 1], [[0, 0, 0], [0.3, 0.1, 0], [0, 0, 0]])),
-)
 MESH = 16
 """Pixels a side of the image whose triangles are drawn."""
 

@@ -51,7 +51,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     some = opened[:CANDIDATES], closed[:CANDIDATES]
     distance = np.asarray(_distances(*some, jnp.asarray(time, jnp.float32)))
     spans = _spans(*alone, middle)[0]
-    wrong = int(np.sum(_shown(spans, time) != _nearest(distance)))
+    seen = np.full(len(time), -1)
+    for start, end, number in spans:
+        seen[(start <= time) & (time < end)] = number
+    wrong = int(np.sum(seen != _nearest(distance)))
     above, below = figure.add_subplot(grid[0, 0]), figure.add_subplot(grid[1, 0])
     _draw(above, below, time, distance, spans)
     progress(0.4)
@@ -139,13 +142,6 @@ def _distances(opened: jax.Array, closed: jax.Array, time: jax.Array) -> jax.Arr
 
 def _nearest(distance: NDArray) -> NDArray[np.intp]:
     return np.where(np.isfinite(distance).any(axis=0), distance.argmin(axis=0), -1)
-
-
-def _shown(spans: list[tuple[float, float, int]], time: NDArray) -> NDArray[np.intp]:
-    seen = np.full(len(time), -1)
-    for start, end, number in spans:
-        seen[(start <= time) & (time < end)] = number
-    return seen
 
 
 def _crosses(distance: NDArray, time: NDArray, change: float) -> bool:

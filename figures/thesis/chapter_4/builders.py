@@ -46,13 +46,14 @@ NOTE = (
 
 
 def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
+    middle = (low + high) / 2
     found: dict[str, Callable[[], trees.Tree]] = {
         SAH: partial(trees.surface_area_tree, low, high),
         "optimal subtrees of it": lambda: trees.optimal_subtrees(trees.surface_area_tree(low, high)),
         "Hilbert order": partial(trees.hilbert_tree, low, high),
         "Morton order": partial(trees.morton_tree, low, high),
         "2-means": partial(trees.two_means_tree, low, high, tries=2),
-        CENTRES: partial(_of_centres, low, high),
+        CENTRES: lambda: trees.refitted(trees.two_means_tree(middle, middle, tries=2), low, high),
     }
     size = (high.max(axis=0) - low.min(axis=0)).prod() ** (1 / 3)
     found[VOLUME] = lambda: trees.surface_area_tree(low, high, cost=lambda n, e: n * e.prod(axis=-1))
@@ -69,11 +70,6 @@ def _ways(low: NDArray, high: NDArray) -> dict[str, Callable[[], trees.Tree]]:
 
 def _area_of(extent: NDArray) -> NDArray[np.float64]:
     return 2 * (extent * np.roll(extent, 1, axis=-1)).sum(axis=-1)
-
-
-def _of_centres(low: NDArray, high: NDArray) -> trees.Tree:
-    center = (low + high) / 2
-    return trees.refitted(trees.two_means_tree(center, center, tries=2), low, high)
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]:

@@ -206,7 +206,8 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     for axes in panels[0]:
         axes.text(0.25, 0.88, "A", va="center")
         axes.text(0.62, 0.5, "B", va="center")
-    a, b = (_box_of(slanted, part) for part in (False, True))
+    low, high, of_b = slanted
+    a, b = ((low[part].min(axis=0), high[part].max(axis=0)) for part in (~of_b, of_b))
     measured = {
         "Fig. 4.2": {
             "first means that end with A and B apart": slant["part"],
@@ -236,11 +237,6 @@ def thesis_4_2(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
         "other first means assign each ellipse to a cluster of its own": 0 < side["part"] < 1,
     }
     return figure, {"measured": measured, "claims": claims, "note": NOTE_4_2.format(keys=keys, euclid=euclid)}
-
-
-def _box_of(boxes: tuple[NDArray, NDArray, NDArray], second: bool) -> tuple[NDArray, NDArray]:
-    part = boxes[2] == second
-    return boxes[0][part].min(axis=0), boxes[1][part].max(axis=0)
 
 
 def _numbers(of: Parts) -> dict[str, float]:

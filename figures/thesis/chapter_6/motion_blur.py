@@ -9,6 +9,7 @@ from jax import Array
 from matplotlib.figure import Figure
 
 import analysis
+import qmcjax as qj
 from figures import plot
 from figures._errors import fluctuation, rms, slope
 from figures.making.schema import Claims
@@ -87,12 +88,23 @@ Keys = dict[str, dict[str, np.ndarray]]
 """Errors of random sets of pixels, each with its key, by size of the image and sampler."""
 
 
+Whole = dict[int, dict[str, list[np.ndarray]]]
+"""Images of each key at 64 samples per pixel, by side and sampler."""
+
+
 def pictures(
-    name: str, title: str, crop: Crop, claims: Callable[[Keys], Claims], quality: str, progress
+    name: str,
+    title: str,
+    crop: Crop,
+    claims: Callable[[Keys], Claims],
+    quality: str,
+    progress,
+    whole: Whole | None = None,
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Show a scene, and an area of it and its errors with some samplers at 64 samples per pixel.
 
-    ``claims`` takes the errors of all sizes. Hands the images out.
+    ``claims`` takes the errors of all sizes; those of samplers in ``whole`` are of its images. Hands the
+    images out.
     """
     scene, side, spp = getattr(scenes, name)(), SHOWN_SIDE[quality], 64
     exact = diffusion.reference_of(name, side, REPLICATE[quality])
@@ -106,7 +118,7 @@ def pictures(
         for made in [make_sampler(each, side, spp)]
     }
     progress(0.3)
-    errors = over_keys(name, quality, lambda part: progress(0.3 + 0.7 * part))
+    errors = over_keys(name, quality, lambda part: progress(0.3 + 0.7 * part), whole or {})
     areas = {each: cut(image, crop) if quality == "paper" else image for each, image in images.items()}
     differences = {each: area - cut(exact.image, crop) for each, area in areas.items()}
     scale = 3 * float(np.median([rms(each) for each in differences.values()]))
@@ -144,39 +156,56 @@ def pictures(
     return figure, numbers, {"reference": drawn.image} | images
 
 
-def over_keys(name: str, quality: str, progress: Callable[[float], None]) -> Keys:
+def over_keys(name: str, quality: str, progress: Callable[[float], None], whole: Whole) -> Keys:
     """Return errors of sets of pixels, divided among keys, at 64 samples per pixel by size and sampler."""
     spp, found, sizes = 64, {}, sides(name, quality)
     for done, side in enumerate(sizes):
-        made = {
-            each: [make_sampler(each, side, spp, key) for key in range(1 if each in FULL else KEYS[quality])]
-            for each in COMPARED
-        }
+        exact, pixels = diffusion.reference_of(name, side, REPLICATE[quality]), pixel_sets.all_pixels(side)
+        known = whole.get(side, {})
         by_count = pixel_sets.compare(
             getattr(scenes, name)(),
-            diffusion.reference_of(name, side, REPLICATE[quality]),
-            pixel_sets.all_pixels(side),
-            {spp: made},
+            exact,
+            pixels,
+            {spp: {each: _of_keys(each, side, quality) for each in COMPARED if each not in known}},
             lambda part, done=done: progress((done + part) / len(sizes)),
         )
-        found[f"{side} x {side} pixels"] = {each: of[spp] for each, of in by_count.items()}
+        found[f"{side} x {side} pixels"] = {
+            each: pixel_sets.errors_of_images(known[each], exact, pixels)
+            if each in known
+            else by_count[each][spp]
+            for each in COMPARED
+        }
     return found
 
 
-def strongest_waves(name: str, names: tuple[str, ...], quality: str) -> dict[str, dict[str, list[float]]]:
-    """Return the strongest waves of errors at 64 samples per pixel of each key by size and sampler.
+def _of_keys(name: str, side: int, quality: str) -> list[samplers.Sampler]:
+    """Return samplers for 64 samples per pixel of all keys; full-screen nets have none."""
+    return [make_sampler(name, side, 64, key) for key in range(1 if name in FULL else KEYS[quality])]
 
-    Those of rotated points are of as many keys as the quality has; those over the full screen have one value.
-    """
-    scene, spp, waves = getattr(scenes, name)(), 64, {}
-    for side in sides(name, quality):
+
+def whole_images(name: str, names: tuple[str, ...], quality: str) -> Whole:
+    """Return the images of some samplers of a scene."""
+    scene = getattr(scenes, name)()
+
+    def render(sampler: samplers.Sampler, side: int) -> np.ndarray:
+        if quality == "paper":
+            return np.asarray(qj.render(scene, sampler, side, side, 64), np.float64)
+        return scene_images.image(scene, sampler, side, 64)
+
+    return {
+        side: {each: [render(made, side) for made in _of_keys(each, side, quality)] for each in names}
+        for side in sides(name, quality)
+    }
+
+
+def strongest_waves(name: str, whole: Whole, quality: str) -> dict[str, dict[str, list[float]]]:
+    """Return the strongest waves of errors of each image by size and sampler."""
+    waves = {}
+    for side, images in whole.items():
         exact = diffusion.reference_of(name, side, REPLICATE[quality])
-        of_size = waves[f"{side} x {side} pixels"] = {}
-        for each in names:
-            keys = range(1 if each in FULL else KEYS[quality])
-            made = (make_sampler(each, side, spp, key) for key in keys)
-            images = (scene_images.render_image(scene, sampler, side, spp, quality) for sampler in made)
-            of_size[each] = [_strongest_wave(image, exact) for image in images]
+        waves[f"{side} x {side} pixels"] = {
+            each: [_strongest_wave(image, exact) for image in of] for each, of in images.items()
+        }
     return waves
 
 

@@ -21,9 +21,11 @@ PATTERN = 1.5
 def thesis_6_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
     title = "Cornell box: rotated nets have less error than random points and the lattice\nthesis, Fig. 6.5; "
-    waves = motion_blur.strongest_waves("cornell_box", (*NETS, *FULL), quality)
-    claims = partial(_claims_6_5, waves)
-    figure, numbers, images = motion_blur.pictures("cornell_box", title, CROP_6_5, claims, quality, progress)
+    whole = motion_blur.whole_images("cornell_box", (*NETS, *FULL), quality)
+    waves = motion_blur.strongest_waves("cornell_box", whole, quality)
+    figure, numbers, images = motion_blur.pictures(
+        "cornell_box", title, CROP_6_5, partial(_claims_6_5, waves), quality, progress, whole
+    )
     numbers["measured"]["strongest wave, mean over keys"] = {
         size: {name: float(np.mean(values)) for name, values in of.items()} for size, of in waves.items()
     }

@@ -1,25 +1,21 @@
 """The two planar test scenes: samplers compared, images, convergence (thesis Fig. 6.1 to 6.4)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
-from jax import Array
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-import qmcjax as qj
 from figures import plot
 from figures._errors import residual, rms, slope
 from figures.making import finished_cells
 from figures.making.schema import Claims, Found
 from figures.shared import judged
-from figures.shared.rendered import pixel_sets
+from figures.shared.rendered import pixel_sets, scene_images
 from figures.shared.sheets.image_sheets import Crop, Panel, add_axes, beside, cut, image_grid, mark
 from qmcjax import samplers, scenes, sequences
-from qmcjax.core.pytrees import pytree
 from qmcjax.orders import log_side
 
 REGIONS = ("whole", "upper", "lower")
@@ -43,26 +39,6 @@ MATRICES = "optimised matrices: ours"
 LARCHER = "Larcher-Pillichshammer"
 
 
-@pytree
-@dataclass(frozen=True)
-class _OneByOne:
-    """A scene of which a program evaluates one sample at a time: it compiles in a third of the time."""
-
-    scene: Any
-
-    unrolled = 1
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        return self.scene.needs
-
-    def __call__(self, point: Array) -> Array:
-        return self.scene(point)
-
-    def reference(self, width: int, height: int) -> tuple[np.ndarray, float]:
-        return self.scene.reference(width, height)
-
-
 def _net(make: Callable[[int], Any], side: int) -> Callable[[int], samplers.Sampler]:
     """Return spp -> the sampler of one net over a square screen."""
     return lambda spp: samplers.full_screen(make(2 * log_side(side, side) + spp.bit_length() - 1), side, side)
@@ -72,15 +48,10 @@ def _jittered(side: int, key: int) -> Callable[[int], samplers.Sampler]:
     return lambda spp: samplers.full_screen(sequences.jittered(side * round(spp**0.5), 2, key), side, side)
 
 
-def _lattice(key: int) -> Callable[[int], samplers.Sampler]:
-    """Return spp -> the sampler that rotates one lattice in each pixel, against lines of the image."""
-    return lambda spp: samplers.independent(sequences.rank1_lattice(spp), key, randomize="shift")
-
-
 def deterministic(side: int) -> dict[str, Callable[[int], samplers.Sampler]]:
     """Return the samplers of Sect. 6.1 but for the jittered grid, for a square screen."""
     return {
-        "rank-1 lattice": _lattice(key=0),
+        "rank-1 lattice": lambda spp: samplers.independent(sequences.rank1_lattice(spp), 0, "shift"),
         "Hammersley": _net(sequences.hammersley_net, side),
         "Larcher-Pillichshammer": _net(sequences.larcher_pillichshammer_net, side),
         "optimised matrices": _net(sequences.optimized_net, side),
@@ -94,12 +65,12 @@ def pictures(
     """Show the exact image, and samplers at 64 samples per pixel in a magnified area; hand the images out."""
     side, spp = (512, 64) if quality == "paper" else (256, 64)
     makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
-    scene = scene if quality == "paper" else _OneByOne(scene)
+    scene = scene_images.quickly_compiled(scene, quality)
     reference, bound = scene.reference(side, side)
     progress(0.5)
-    images = {name: np.asarray(qj.render(scene, make(spp), side, side, spp)) for name, make in makers.items()}
+    images = {name: scene_images.rendered(scene, make(spp), side, spp) for name, make in makers.items()}
     errors = {name: rms(image - reference) for name, image in images.items()}
-    captions = {name: f"{_fold(name)}\nRMS error {error:.4f}" for name, error in errors.items()}
+    captions = {name: f"{_fold(name)}\nRMS error {error:#.2g}" for name, error in errors.items()}
     lines = {name: _line(cut(image - reference, crop)) for name, image in images.items()}
     progress(0.9)
     images = {"exact reference": reference, **images}
@@ -161,7 +132,7 @@ def convergence(
     """
     side, largest = SIZE[quality]
     spps = [4**k for k in range(largest + 1)]
-    scene = scene if quality == "paper" else _OneByOne(scene)
+    scene = scene_images.quickly_compiled(scene, quality)
     found = _errors(scene, side, spps, KEYS, title, progress)
     sets = {name: of[len(REGIONS) :] for name, of in found.items()}
     errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
@@ -169,7 +140,7 @@ def convergence(
     makers = {"jittered grid": _jittered(side, key=0), **deterministic(side)}
     exact = cut(scene.reference(side, side)[0], crop)
     areas = {
-        name: cut(np.asarray(qj.render(scene, make(SHOWN), side, side, SHOWN)), crop) - exact
+        name: cut(scene_images.rendered(scene, make(SHOWN), side, SHOWN), crop) - exact
         for name, make in makers.items()
     }
     title += f"; {side} x {side} pixels; jittered grids: RMS over {KEYS} keys; {MATRICES}"
@@ -210,9 +181,9 @@ def _errors(
     exact, pixels = scene.reference(side, side)[0], pixel_sets.all_pixels(side)
 
     def errors_of(name: str) -> list[NDArray[np.float64]]:
+        made = ((makers[name](spp), spp) for spp in spps)
         squares = [
-            np.square(np.asarray(qj.render(scene, makers[name](spp), side, side, spp), np.float64) - exact)
-            for spp in spps
+            np.square(scene_images.rendered(scene, sampler, side, spp) - exact) for sampler, spp in made
         ]
         parts = (np.s_[:], np.s_[: side // 2], np.s_[side // 2 :], *zip(pixels.y, pixels.x, strict=True))
         return [np.sqrt([square[part].mean() for square in squares]) for part in parts]
@@ -225,7 +196,7 @@ def _errors(
 def _random(scene: Any, side: int, spps: list[int]) -> list[float]:
     """Return RMS errors of random samples: what one sample per pixel has, over the root of their number."""
     sampler = samplers.independent(sequences.uniform(2, 0), 0, "shift")
-    image = np.asarray(qj.render(scene, sampler, side, side, 1), np.float64)
+    image = scene_images.rendered(scene, sampler, side, 1)
     return (rms(image - scene.reference(side, side)[0]) / np.sqrt(spps)).tolist()
 
 

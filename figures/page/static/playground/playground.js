@@ -91,9 +91,11 @@ const renderer = (accumulate, measure, told) => {
 
 const playground = async (root) => {
   const [live, still] = [root.querySelector(".live"), root.querySelector(".still")];
+  const loading = root.querySelector(".loading");
+  loading.hidden = false;
   const data = await unpacked(window.playgroundData);
   const [accumulate, measure] = [accumulating, measuring].map(asker);
-  if (!await accumulate("open", data.side)) return;
+  if (!await accumulate("open", data.side)) { loading.hidden = true; return; }
   const { allowed, ofAddress, address } = choices(data);
   const choice = ofAddress();
   const { side } = data;
@@ -167,6 +169,7 @@ const playground = async (root) => {
         + "Errors are root mean squares (RMS) of the difference from the exact image, after the first samples of each pixel.";
       // Where shaders do not compile, the pictures stay.
       const ready = pictures.every((greys, at) => greys || rendering.jobs[at].failed);
+      if (ready) loading.hidden = true;
       if (live.hidden && ready && !rendering.jobs.every((job) => job.broken)) {
         live.hidden = false;
         still.hidden = true;

@@ -12,12 +12,7 @@ import qmcjax as qj
 
 SEQUENCES = ("sobol(9)", "halton, zaremba", "uniform(3)", "owen(sobol(2))", "rotate(halton(12))")
 SEQUENCES += ("rank1_lattice(1700, 3)", "latin_hypercube(2**32)", "owen(halton(3))")
-SAMPLERS = (
-    "independent, owen",
-    "contiguous, morton, owen",
-    "partitioned, hilbert, halton",
-    "dither, vectors",
-)
+SAMPLERS = ("independent, owen", "contiguous, morton, owen", "partitioned, hilbert, halton", "tiled, boxes")
 SAMPLERS += ("tiled, boxes", "z, hash")
 # The last bit of an exponential depends on how it is compiled.
 SCENES = {"disc": PLANE["disc"], "ball": MOTION["ball"]}

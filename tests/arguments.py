@@ -32,12 +32,8 @@ def half(points):
 def nouns():
     """Return one of each kind."""
     sobol = sequences.sobol(2)
-    return {
-        "sequence": sobol,
-        "order": orders.hilbert(4, 4),
-        "sampler": samplers.independent(sobol, 1),
-        "scene": scenes.checkerboard(),
-    }
+    made = {"sampler": samplers.independent(sobol, 1), "scene": scenes.checkerboard()}
+    return {"sequence": sobol, "order": orders.hilbert(4, 4), **made}
 
 
 @cache
@@ -70,14 +66,17 @@ def right_of_functions():
         "qmcjax.sequences.function.f": [lambda index: (index[..., None] % 4).astype(jnp.float32) / 4],
         "qmcjax.samplers.function.f": [lambda x, y, sample: jnp.zeros((*sample.shape, 2))],
         "qmcjax.boundary_gradient.scene": [scenes.disc()], "qmcjax.estimated_reference.spp": [32],
-        "qmcjax.render_passes.sampler": [passes],
-        "qmcjax.sequences.components.dims": [(0, 1)], "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
+        "qmcjax.render_passes.sampler": [passes], "qmcjax.sequences.components.dims": [(0, 1)],
+        "qmcjax.samplers.as_sampler.value": [noun["sampler"]],
         "qmcjax.samplers.blue_noise_mask.channels": [1], "qmcjax.samplers.blue_noise_mask.side": [16],
         "qmcjax.samplers.padded_replications.offsets": [sequences.sobol(4)],
         "qmcjax.samplers.randomized.spp": [4], "qmcjax.scenes.as_scene.value": [noun["scene"]],
         "qmcjax.scenes.soft_shadow.height": [0.4], "qmcjax.orders.as_order.value": [noun["order"]],
         "qmcjax.orders.permutation.image": [np.arange(4).reshape(2, 2)],
         "analysis.denoised_error.denoiser": [lambda image, *others: image],
+        "analysis.compare.measures": [None, {"trimmed": analysis.trimmed_error}],
+        "analysis.relative_error.epsilon": [0.01], "analysis.trimmed_error.share": [0.1],
+        "analysis.convergence.keys": [2], "plot.convergence.errors": [{"a": [0.5, 0.25]}],
         "analysis.denoised_error.albedo": [None], "analysis.denoised_error.normal": [None],
         "analysis.expected_error.points": [np.full((4, 4, 1, 2), 0.5)],
         "analysis.expected_error.integrands": ["boxes"], "analysis.expected_error.filters": [1.0],
@@ -86,12 +85,11 @@ def right_of_functions():
         "analysis.minimize.loss": [lambda free, key: jnp.sum(free**2)], "analysis.minimize.steps": [20],
         "analysis.minimize.parameters": [np.ones(2, np.float32)], "analysis.minimize.project": [None],
         "analysis.minimize.rate": [0.1], "analysis.minimize.noise": [0.0],
-        "analysis.design_samples.frames": [None], "analysis.design_samples.denoiser": [None],
-        "qmcjax.samplers.designed.frames": [None],
+        "analysis.design_samples.frames": [None], "qmcjax.samplers.designed.frames": [None],
         "qmcjax.samplers.tiled.points": [np.full((4, 4, 1, 2), 0.5)],
-        "analysis.soft_star_discrepancy.temperature": [0.1],
-        "analysis.squared_min_distance.side": [4], "table.sampler": ["a"], "row.measure": ["RMS error"],
-        "scrambling.code": [1], "scrambling.digits": [2], "z.rounds": [2], "z.counts": [np.ones((4, 4), int)],
+        "analysis.soft_star_discrepancy.temperature": [0.1], "analysis.squared_min_distance.side": [4],
+        "table.sampler": ["a"], "row.measure": ["RMS error"], "scrambling.code": [1],
+        "scrambling.digits": [2], "z.rounds": [2], "z.counts": [np.ones((4, 4), int)],
         "analysis.compare.scenes": [{"disc": scenes.disc()}], "analysis.compare.width": [32],
         "analysis.compare.height": [32], "analysis.compare.keys": [1], "analysis.compare.spps": [[1]],
         "analysis.t_value.points_or_matrices": [np.stack([np.eye(2, dtype=int)] * 2)],
@@ -100,10 +98,11 @@ def right_of_functions():
         "analysis.projection_t_values.m": [2], "analysis.read_points.path": [files()["points"]],
         "qmcjax.bridges.read_points.path": [files()["points"]],
         "qmcjax.bridges.read_image.path": [files()["image"]], "qmcjax.bridges.read_image.transfer": ["srgb"],
+        "qmcjax.bridges.read_image.layer": [None],
         "qmcjax.sequences.read_direction_numbers.path": [Path(__file__).parent / "direction_numbers.txt"],
         "qmcjax.warps.triangle.vertices": [[[0, 0], [1, 0], [0, 1]]],
-        "qmcjax.warps.discrete.weights": [[1, 2]],
-        "warp.discrete.points": [[[0.5]]], "warp.discrete.values": [[0, 2]], "warp.normal.values": [POINTS],
+        "qmcjax.warps.discrete.weights": [[1, 2]], "warp.discrete.points": [[[0.5]]],
+        "warp.discrete.values": [[0, 2]], "warp.normal.values": [POINTS],
         "qmcjax.sequences.read_matrices.path": [files()["matrices"]],
         "qmcjax.bridges.read_mask.path": [files()["image"]],
         "qmcjax.sequences.read_lattice.path": [files()["lattice"]], "qmcjax.sequences.read_lattice.n": [5],
@@ -113,9 +112,10 @@ def right_of_functions():
         "qmcjax.orders.peano.height": [3, 9],
         "qmcjax.sequences.digital.matrices": [np.asarray(sequences.sobol(2).matrices)],
         "qmcjax.sequences.permutation_net_in_row.index": [1], "qmcjax.sequences.faure.base": [2, 3],
-        "qmcjax.sequences.poisson_disk.sides": [(1, 2)],
-        "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]], "qmcjax.sequences.record_net.n": [16],
+        "qmcjax.sequences.poisson_disk.sides": [(1, 2)], "qmcjax.sequences.kronecker.steps": [[0.25, 0.7]],
+        "qmcjax.sequences.record_net.n": [16],
         "qmcjax.sequences.record_net.discrepancy": ["star", "periodic"],
+        "analysis.window_discrepancy.values": [np.full((8, 5, 5), 0.5)],
         "analysis.point_spectrum.resolution": [4], "analysis.squared_min_distance.points": [[[0, 0], [1, 2]]],
         "analysis.squared_min_distance.shear": [0], "analysis.low_frequency_power.image": [np.eye(32)],
         "analysis.low_frequency_power.reference": [np.zeros((32, 32))],
@@ -129,8 +129,8 @@ def right_of_functions():
         "analysis.search_discrepancy.start": [None],
         "qmcjax.bridges.tabulate.generator": [SimpleNamespace(random=lambda n: np.zeros((n, 2)))],
         "plain.start.pixel": [(1, 2)], "plain.array.dims": [(0, 1)], "qmcjax.bridges.bake.dims": [(0, 1)],
-        "qmcjax.bridges.seeds.other": [nouns()["sampler"]],
-        "qmcjax.bridges.bake.tile": [(2, 2)], "qmcjax.bridges.source.dims": [(0, 1)],
+        "qmcjax.bridges.seeds.other": [nouns()["sampler"]], "qmcjax.bridges.bake.tile": [(2, 2)],
+        "qmcjax.bridges.source.dims": [(0, 1)],
         "qmcjax.sequences.direction_numbers.sequence": [sequences.sobol(3)],
         "qmcjax.bridges.write_points.path": [folder() / "points.csv"],
         "qmcjax.bridges.write_image.path": [folder() / "image.png"],
@@ -167,13 +167,13 @@ def right_of_traced():
     vector, corners = [0.0, 0.0, 1.0], [np.eye(3)]
     right = {
         "tracing": {
-            "world": of.world, "camera": of.camera, "scene": of.still, "origin": [0.0, 0, 5],
+            "world": of.world, "camera": of.camera, "origin": [0.0, 0, 5],
             "direction": [0.0, 0, -1], "bounces": 0, "low": [0, 0, 0], "high": [1, 1, 1], "position": vector,
             "target": [1, 0, 0], "one": 0.5, "other": 0.2, "base": vector, "axis": vector, "color": 0.5,
             "center": vector, "point": vector, "normal": vector, "radiance": 1.0, "roughness": 0.5,
             "parts": [tracing.plane(vector, vector)], "intensity": 1.0,
             "corner": vector, "edge_u": [1, 0, 0], "edge_v": [0, 1, 0], "vertices": corners,
-            "objects": [tracing.sphere(vector, 1.0)],
+            "objects": [tracing.sphere(vector, 1.0)], "candidates": 4,
         },
         "tracing.analytic_visibility": {"scene": of.moving},
         "motion": {
@@ -195,7 +195,7 @@ def right_of_traced():
         "trees.refitted": {"low": of.low, "high": of.low + 1, "times": TIMES},
         "trees.triangle_distances": {"vertices": of.corners, "times": TIMES, "time": [0.5]},
         "plot": {
-            "spps": [1, 4], "errors": {"a": [0.5, 0.25]}, "image": IMAGE, "reference": 0 * IMAGE,
+            "spps": [1, 4], "image": IMAGE, "reference": 0 * IMAGE,
             "figure": Figure(), "left": 1, "bottom": 1, "zoom": 1, "spectra": np.ones((4, 4)),
             "linear": IMAGE / 5, "name": "Z", "points": POINTS,
         },
@@ -220,24 +220,22 @@ def right_of_names():
     noun = nouns()
     return {
         "sequence": [noun["sequence"]], "net": [sequences.hammersley_net(4)], "order": [noun["order"]],
-        "sampler": [noun["sampler"]], "scene": [noun["scene"]],
-        "shifts": [noun["sequence"]], "offsets": [noun["sequence"]],
+        "sampler": [noun["sampler"]], "scene": [noun["scene"]], "shifts": [noun["sequence"]],
+        "offsets": [noun["sequence"]],
         "sampler_of_key": [lambda key: samplers.independent(noun["sequence"], key)],
         "samplers": [{"a": noun["sampler"]}], "spps": [[1, 2]], "function": [half], "f": [half],
-        "needs": [("x", "y")], "width": [4], "height": [4], "spp": [4], "passes": [2],
-        "n": [4], "m": [2, 4], "side": [2], "dims": [2], "key": [1], "start": [0], "index": [0, 3], "x": [1],
-        "y": [2], "sample": [0], "position": [5], "log_side": [1], "a": [3], "radius": [0.3],
-        "iterations": [1], "repeats": [1], "steps": [1], "budget_s": [0.01], "seconds": [0.01],
-        "regions": [5], "points": [POINTS], "points_or_matrices": [POINTS],
-        "matrices": [np.eye(2, dtype=np.int64)[None]], "component": [0],
-        "replacement": [np.eye(2, dtype=np.int64)], "q": [2], "polynomial": [7], "initial": [[1, 3]],
-        "numbers": [[(7, [1, 3])]], "row": [0], "image": [IMAGE], "images": [[IMAGE, IMAGE]], "count": [2],
-        "reference": [0 * IMAGE], "spectrum": [IMAGE], "keys": [(1, 2)], "bits": [16], "digits": [(1, 1)],
-        "targets": [{2: 1}], "frames": [4], "frame": [1], "alpha": [0.5], "t": [1],
-        "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])], "family": ["gaussian"],
-        "value": [noun["sequence"]], "values": [[[0.0, 0.0, 1.0]]], "name": ["value"],
-        "cls": [], "dtype": [jnp.float32], "level": [0.5],
-        "label": ["a"], "region": ["whole"], "offset_or_key": [1],
+        "needs": [("x", "y")], "width": [4], "height": [4], "spp": [4], "passes": [2], "n": [4], "m": [2, 4],
+        "side": [2], "dims": [2], "key": [1], "start": [0], "index": [0, 3], "x": [1], "y": [2],
+        "sample": [0], "position": [5], "log_side": [1], "a": [3], "radius": [0.3], "iterations": [1],
+        "repeats": [1], "steps": [1], "budget_s": [0.01], "seconds": [0.01], "regions": [5],
+        "points": [POINTS], "points_or_matrices": [POINTS], "matrices": [np.eye(2, dtype=np.int64)[None]],
+        "component": [0], "replacement": [np.eye(2, dtype=np.int64)], "q": [2], "numbers": [[(7, [1, 3])]],
+        "row": [0], "image": [IMAGE], "images": [[IMAGE, IMAGE]], "count": [2], "reference": [0 * IMAGE],
+        "spectrum": [IMAGE], "keys": [(1, 2)], "bits": [16], "digits": [(1, 1)], "targets": [{2: 1}],
+        "frames": [4], "frame": [1], "alpha": [0.5], "t": [1], "mask": [np.array([[0.1, 0.6], [0.7, 0.3]])],
+        "family": ["gaussian"], "value": [noun["sequence"]], "values": [[[0.0, 0.0, 1.0]]], "name": ["value"],
+        "cls": [], "dtype": [jnp.float32], "level": [0.5], "label": ["a"], "region": ["whole"],
+        "offset_or_key": [1],
     }
 # fmt: on
 
@@ -286,6 +284,7 @@ def functions():
         for module in modules()
         for name, value in ((name, getattr(module, name)) for name in dir(module))
         if callable(value) and not inspect.isclass(value) and not name.startswith("_")
+        if value is not analysis.flip or find_spec("flip_evaluator")
         if value is not mitsuba.check_llvm  # It takes no argument, and renders in another process.
     }
 
@@ -335,7 +334,8 @@ OBJECTS = {
     "order": (lambda: nouns()["order"], "position pixel"),
     "sampler": (lambda: nouns()["sampler"], "__call__ check"),
     "scene": (lambda: nouns()["scene"], "reference"),
-    "table": (table, "errors slope slope_interval efficiency"),
+    "table": (table, "errors slope slope_interval efficiency bands"),
+    "table.row": (lambda: table().rows[0], "interval"),
     "estimate": (lambda: qmcjax.Estimate(1.0, 0.1, 0.0, np.ones(5), 0.0, 0.0, 0.0, 5, 8), "interval"),
     "plain": (lambda: bridges.PlainSampler(nouns()["sampler"]), "start array"),
     "engine": (lambda: bridges.SequenceEngine(nouns()["sequence"]), "random fast_forward"),
@@ -358,10 +358,7 @@ OBJECTS = {
     "disc.function": (lambda: scenes.function(half, ("x", "y")), "__call__"),
     "estimator": (lambda: traced().still, "__call__ varies"),
     "moving": (lambda: traced().moving, "__call__ varies"),
-    "moving.analytic": (
-        lambda: tracing.analytic_visibility(traced().moving, 1),
-        "__call__ varies unresolved",
-    ),
+    "moving.analytic": (lambda: tracing.analytic_visibility(traced().moving), "__call__ varies unresolved"),
     "choice": (lambda: qmcjax.recommend(2, 4), "sampler"),
     "warp.normal": (lambda: warps.normal(2), "__call__ inverse density"),
     "warp.triangle": (lambda: warps.triangle([[0, 0, 1], [1, 0, 0], [0, 1, 0]]), "__call__ inverse density"),
@@ -379,7 +376,7 @@ OBJECTS = {
 
 NAMES = [
     *functions(),
-    *(f"{name}.{method}" for name, (_, methods) in OBJECTS.items() for method in methods.split()),
+    *(f"{k}.{method}" for k, (_, methods) in OBJECTS.items() for method in methods.split()),
 ]
 
 

@@ -3,9 +3,9 @@
 import math
 from fractions import Fraction
 
-from analysis._l2 import kernels
+from analysis._discrepancy import kernels
 
-HALF = Fraction(1, 2)
+HALF, THIRDS = Fraction(1, 2), Fraction(4, 3)
 
 
 def bend(x):
@@ -20,13 +20,9 @@ CLOSED_FORMS = {
         lambda x: 1 + bend(x) / 2 - bend(x) ** 2 / 2,
         lambda x, y: 1 + bend(x) / 2 + bend(y) / 2 - abs(x - y) / 2,
     ),
-    "wraparound": (
-        Fraction(4, 3),
-        lambda x: Fraction(4, 3),
-        lambda x, y: Fraction(3, 2) - abs(x - y) * (1 - abs(x - y)),
-    ),
+    "wraparound": (THIRDS, lambda x: THIRDS, lambda x, y: Fraction(3, 2) - abs(x - y) * (1 - abs(x - y))),
     "periodic": (Fraction(1, 3), lambda x: Fraction(1, 3), lambda x, y: HALF - abs(x - y) + (x - y) ** 2),
-    "symmetric": (Fraction(4, 3), lambda x: 1 + 2 * x - 2 * x * x, lambda x, y: 2 - 2 * abs(x - y)),
+    "symmetric": (THIRDS, lambda x: 1 + 2 * x - 2 * x * x, lambda x, y: 2 - 2 * abs(x - y)),
     "mixture": (
         Fraction(19, 12),
         lambda x: Fraction(5, 3) - bend(x) / 4 - bend(x) ** 2 / 4,

@@ -7,8 +7,8 @@ def is_error(each):
     return isinstance(each, type) and issubclass(each, Exception)
 
 
-def refused(*rows, call=lambda call: call(), error=(TypeError, ValueError)):
-    """Return a test: a call with the arguments of a row raises its error, or this one, with its message."""
+def refused(*rows, call=lambda make, *arguments: make(*arguments), error=(TypeError, ValueError)):
+    """Return a test: each row, by default of what is called, raises its error, or this one, and message."""
 
     @pytest.mark.parametrize("row", rows, ids=lambda row: row[-1])
     def test(row):

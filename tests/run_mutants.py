@@ -55,10 +55,8 @@ def main(numbers):
             survives = passes(tree, each["test"])
             path.write_text(kept, encoding="utf-8")
             alive += survives
-            print(
-                f"{k:3d} {'SURVIVES' if survives else 'killed'}: {each['file']}, {each['function']}",
-                flush=True,
-            )
+            found = "SURVIVES" if survives else "killed"
+            print(f"{k:3d} {found}: {each['file']}, {each['function']}", flush=True)
     print(f"{len(chosen) - alive} of {len(chosen)} mutants killed")
     return 1 if alive else 0
 

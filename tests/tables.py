@@ -1,6 +1,7 @@
 """The objects that share tests."""
 
 import os
+import re
 import socket
 import sys
 from collections.abc import Callable, Mapping
@@ -42,6 +43,14 @@ class Table(Mapping):
         return Table({name: partial(self.__getitem__, name) for name in self if name not in names})
 
 
+def names(text):
+    """Return the names of a text, with semicolons between them."""
+    return tuple(re.split(r";\s", text.strip()))
+
+
+sobol, halton, owen, scramble = (
+    getattr(sequences, name) for name in ("sobol", "halton", "owen", "linear_matrix_scramble")
+)
 SEQUENCES = Table(
     {
         "van_der_corput(2)": sequences.van_der_corput,
@@ -84,12 +93,8 @@ SEQUENCES = Table(
         "larcher_pillichshammer_net_3d(12)": lambda: sequences.larcher_pillichshammer_net_3d(12),
         "permutation_net_3d(11)": lambda: sequences.permutation_net_3d(11),
         "digital_shift(sobol(2))": lambda: sequences.digital_shift(sequences.sobol(2), key=7),
-        "linear_matrix_scramble(sobol(9))": lambda: sequences.linear_matrix_scramble(
-            sequences.sobol(9), key=7
-        ),
-        "linear_matrix_scramble(permutation_net(12))": lambda: sequences.linear_matrix_scramble(
-            sequences.permutation_net(12), key=7
-        ),
+        "linear_matrix_scramble(sobol(9))": lambda: scramble(sobol(9), key=7),
+        "linear_matrix_scramble(permutation_net(12))": lambda: scramble(sequences.permutation_net(12), key=7),
         "owen_exact(sobol(2))": lambda: sequences.owen_exact(sequences.sobol(2), key=7),
         "owen_exact(sobol(9))": lambda: sequences.owen_exact(sequences.sobol(9), key=7),
         "art_owen(sobol(2))": lambda: sequences.art_owen(sequences.sobol(2), key=7),
@@ -116,9 +121,10 @@ SEQUENCES = Table(
         "optimized_net_3d(12)": lambda: sequences.optimized_net_3d(12),
         "gray(sobol(2))": lambda: sequences.gray(sequences.sobol(2)),
         "gray(sobol(9))": lambda: sequences.gray(sequences.sobol(9)),
-        "in_time(owen(sobol(3)))": lambda: sequences.in_time(
-            sequences.owen(sequences.sobol(3), key=1)
-        ).at_frame(5),
+        "interlaced(sobol(4))": lambda: sequences.interlaced(sequences.sobol(4)),
+        "interlaced(owen(sobol(6)), 3)": lambda: sequences.interlaced(owen(sobol(6), key=7), 3),
+        "multi_jitter(1601)": lambda: sequences.multi_jitter(1601, key=7),
+        "in_time(owen(sobol(3)))": lambda: sequences.in_time(owen(sobol(3), key=1)).at_frame(5),
     }
 )
 
@@ -135,82 +141,33 @@ ORDERS = {
     "optimized": partial(orders.optimized, spp=4, key=7),
 }
 
-NETS = {
-    "hammersley": sequences.hammersley_net,
-    "larcher_pillichshammer": sequences.larcher_pillichshammer_net,
-    "permutation": sequences.permutation_net,
-    "optimized": sequences.optimized_net,
-}
+NETS = {name: getattr(sequences, f"{name}_net") for name in ("hammersley", "larcher_pillichshammer")}
+NETS |= {name: getattr(sequences, f"{name}_net") for name in ("permutation", "optimized")}
 
 
 # One of each kind: the types of an object and of its sequence, and on which side of FEW its coordinates are.
-KINDS = (
-    "in_time(owen(sobol(3)))",
-    "cascaded_net(12)",
-    "optimized_sequence",
-    "halton, random",
-    "sobol(9)",
-    "halton, faure_lemieux",
-    "faure(10)",
-    "faure(5, modified)",
-    "uniform(3)",
-    "jittered(16, 3)",
-    "permutation_net(12)",
-    "owen(sobol(2))",
-    "owen(sobol(9))",
-    "owen(permutation_net(12))",
-    "optimized_net(12)",
-    "larcher_pillichshammer_net_3d(12)",
-    "permutation_net_3d(11)",
-    "digital_shift(sobol(2))",
-    "linear_matrix_scramble(sobol(9))",
-    "linear_matrix_scramble(permutation_net(12))",
-    "owen_exact(sobol(2))",
-    "owen_exact(sobol(9))",
-    "art_owen(sobol(33))",
-    "art_owen(sobol(2))",
-    "rotate(sobol(9))",
-    "rotate(halton(12))",
-    "lattice(3)",
-    "lattice(20)",
-    "roberts(2)",
-    "rank1_lattice(1700, 3)",
-    "rank1_lattice(4096)",
-    "latin_hypercube(2**32)",
-    "lloyd(1600)",
-    "owen(halton(3))",
-    "owen_exact(faure(3))",
-    "digit_scramble(halton(3))",
-    "gray(sobol(2))",
-    "gray(sobol(9))",
-)
+KINDS = names("""
+in_time(owen(sobol(3))); cascaded_net(12); optimized_sequence; halton, random; sobol(9);
+halton, faure_lemieux; faure(10); faure(5, modified); uniform(3); jittered(16, 3); permutation_net(12);
+owen(sobol(2)); owen(sobol(9)); owen(permutation_net(12)); optimized_net(12);
+larcher_pillichshammer_net_3d(12); permutation_net_3d(11); digital_shift(sobol(2));
+linear_matrix_scramble(sobol(9)); linear_matrix_scramble(permutation_net(12)); owen_exact(sobol(2));
+owen_exact(sobol(9)); art_owen(sobol(33)); art_owen(sobol(2)); rotate(sobol(9)); rotate(halton(12));
+lattice(3); lattice(20); roberts(2); rank1_lattice(1700, 3); rank1_lattice(4096); latin_hypercube(2**32);
+lloyd(1600); interlaced(sobol(4)); interlaced(owen(sobol(6)), 3); multi_jitter(1601); owen(halton(3));
+owen_exact(faure(3)); digit_scramble(halton(3)); gray(sobol(2)); gray(sobol(9))
+""")
 
 
 BY_DEFAULT = {
-    "sequences": (
-        "sobol(9)",
-        "halton, zaremba",
-        "faure(5, modified)",
-        "uniform(3)",
-        "permutation_net(12)",
-        "owen(sobol(2))",
-        "art_owen(sobol(2))",
-        "rotate(halton(12))",
-        "rank1_lattice(1700, 3)",
-        "latin_hypercube(2**32)",
-        "owen(halton(3))",
-    ),
-    "samplers": (
-        "independent, owen",
-        "full_screen, permutation",
-        "contiguous, morton, owen",
-        "segments, hilbert, sobol, doubling",
-        "partitioned, hilbert, halton",
-        "dither, vectors",
-        "ranked",
-        "tiled, boxes",
-        "z, tree",
-    ),
+    "sequences": names("""
+sobol(9); halton, zaremba; faure(5, modified); uniform(3); permutation_net(12); owen(sobol(2));
+art_owen(sobol(2)); rotate(halton(12)); rank1_lattice(1700, 3); latin_hypercube(2**32); owen(halton(3))
+"""),
+    "samplers": names("""
+independent, owen; full_screen, permutation; contiguous, morton, owen; segments, hilbert, sobol, doubling;
+partitioned, hilbert, halton; dither, vectors; ranked; tiled, boxes; z, tree
+"""),
     "orders": ("hilbert", "scrambled_morton, hash"),
 }
 """What tests of every object run with by default: each way of making points once."""
@@ -222,19 +179,11 @@ def each(argument, table):
 
 
 def some(argument, table, *names):
-    """Run a test with a few objects of a table, and with the others on request.
-
-    The objects of a ``Table`` are made by the argument's fixture in ``conftest.py``.
-    """
+    """Run a test with a few objects of a table, the others on request; a ``Table``'s by ``conftest.py``."""
     lazy = isinstance(table, Table)
-    marked = [
-        pytest.param(
-            partial(table.__getitem__, name) if lazy else table[name],
-            id=name,
-            marks=() if name in names else pytest.mark.slow,
-        )
-        for name in table
-    ]
+    taken = {name: partial(table.__getitem__, name) if lazy else table[name] for name in table}
+    slowly = {name: () if name in names else pytest.mark.slow for name in table}
+    marked = [pytest.param(of, id=name, marks=slowly[name]) for name, of in taken.items()]
     return pytest.mark.parametrize(argument, marked, indirect=lazy)
 
 
@@ -260,65 +209,65 @@ def closest_square(points, side):
 
 
 def owen_pass(key):
-    return samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sequences.sobol(3), key), 2)
+    return samplers.contiguous(hilbert(), owen(sobol(3), key), 2)
+
+
+def hilbert():
+    return orders.hilbert(SIDE, SIDE)
+
+
+def screen(sequence):
+    return samplers.full_screen(sequence, SIDE, SIDE)
+
+
+def tiles():
+    return np.random.default_rng(1).random((8, 4, 2, 2, 2))
 
 
 # Four samples in each of 32 x 32 pixels.
 SIDE, SPP = 32, 4
+contiguous, segments, partitioned, z = (
+    getattr(samplers, name) for name in ("contiguous", "segments", "partitioned", "z")
+)
 SAMPLERS = Table(
     {
-        "independent, owen": lambda: samplers.independent(sequences.sobol(2), key=3),
-        "independent, xor": lambda: samplers.independent(sequences.sobol(2), key=3, randomize="xor"),
-        "independent, shift": lambda: samplers.independent(sequences.halton(2), key=3, randomize="shift"),
+        "independent, owen": lambda: samplers.independent(sobol(2), key=3),
+        "independent, xor": lambda: samplers.independent(sobol(2), key=3, randomize="xor"),
+        "independent, shift": lambda: samplers.independent(halton(2), key=3, randomize="shift"),
         "independent, uniform": lambda: samplers.independent(sequences.uniform(2, key=1), key=3),
-        "full_screen, hammersley": lambda: samplers.full_screen(sequences.hammersley_net(12), SIDE, SIDE),
-        "full_screen, larcher_pillichshammer": lambda: samplers.full_screen(
-            sequences.larcher_pillichshammer_net(12), SIDE, SIDE
+        "full_screen, hammersley": lambda: screen(sequences.hammersley_net(12)),
+        "full_screen, larcher_pillichshammer": lambda: screen(sequences.larcher_pillichshammer_net(12)),
+        "full_screen, permutation": lambda: screen(sequences.permutation_net(12)),
+        "full_screen, xor": lambda: screen(
+            sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3)
         ),
-        "full_screen, permutation": lambda: samplers.full_screen(sequences.permutation_net(12), SIDE, SIDE),
-        "full_screen, xor": lambda: samplers.full_screen(
-            sequences.digital_shift(sequences.larcher_pillichshammer_net(12), key=3), SIDE, SIDE
-        ),
-        "full_screen, art": lambda: samplers.full_screen(
-            sequences.art_owen(sequences.sobol(3), key=3), SIDE, SIDE
-        ),
-        "full_screen, halton": lambda: samplers.full_screen(sequences.halton(3), SIDE, SIDE),
-        "full_screen, halton, random": lambda: samplers.full_screen(
-            sequences.halton(2, "random", key=3), SIDE, SIDE
-        ),
+        "full_screen, art": lambda: screen(sequences.art_owen(sobol(3), key=3)),
+        "full_screen, halton": lambda: screen(halton(3)),
+        "full_screen, halton, random": lambda: screen(halton(2, "random", key=3)),
         "padded_replications": lambda: samplers.padded_replications(
             sequences.hammersley_net(10), SIDE, SIDE, offsets=3
         ),
-        "full_screen, jittered": lambda: samplers.full_screen(sequences.jittered(64, 2, key=3), SIDE, SIDE),
-        "contiguous, hilbert, sobol": lambda: samplers.contiguous(
-            orders.hilbert(SIDE, SIDE), sequences.sobol(2), SPP
+        "full_screen, jittered": lambda: screen(sequences.jittered(64, 2, key=3)),
+        "contiguous, hilbert, sobol": lambda: contiguous(hilbert(), sobol(2), SPP),
+        "contiguous, morton, owen": lambda: contiguous(orders.morton(SIDE, SIDE), owen(sobol(3), key=3), SPP),
+        "contiguous, raster, halton": lambda: contiguous(orders.raster(SIDE, SIDE), halton(3), SPP),
+        "segments, hilbert, halton": lambda: segments(
+            hilbert(), sequences.components(halton(4), (2, 1, 3)), 2
         ),
-        "contiguous, morton, owen": lambda: samplers.contiguous(
-            orders.morton(SIDE, SIDE), sequences.owen(sequences.sobol(3), key=3), SPP
-        ),
-        "contiguous, raster, halton": lambda: samplers.contiguous(
-            orders.raster(SIDE, SIDE), sequences.halton(3), SPP
-        ),
-        "segments, hilbert, halton": lambda: samplers.segments(
-            orders.hilbert(SIDE, SIDE), sequences.components(sequences.halton(4), (2, 1, 3)), 2
-        ),
-        "segments, hilbert, sobol, doubling": lambda: samplers.segments(
-            orders.hilbert(SIDE, SIDE), sequences.sobol(3), 1, doubling=True
-        ),
-        "partitioned, hilbert, halton": lambda: samplers.partitioned(
-            orders.hilbert(SIDE, SIDE), sequences.halton(4, "faure_lemieux")
-        ),
-        "partitioned, peano, halton, exact": lambda: samplers.partitioned(
-            orders.peano(SIDE, SIDE), sequences.halton(4, "random", key=3), exact=True
+        "segments, hilbert, sobol, doubling": lambda: segments(hilbert(), sobol(3), 1, doubling=True),
+        "partitioned, hilbert, halton": lambda: partitioned(hilbert(), halton(4, "faure_lemieux")),
+        "partitioned, peano, halton, exact": lambda: partitioned(
+            orders.peano(SIDE, SIDE), halton(4, "random", key=3), exact=True
         ),
         "shifted, hilbert, lattice": lambda: samplers.shifted(
-            orders.hilbert(SIDE, SIDE), sequences.halton(3, "faure_lemieux"), sequences.lattice(3)
+            hilbert(), halton(3, "faure_lemieux"), sequences.lattice(3)
         ),
-        "dither, numbers": lambda: samplers.dither(samplers.blue_noise_mask(1), sequences.halton(3)),
+        "dither, numbers": lambda: samplers.dither(samplers.blue_noise_mask(1), halton(3)),
+        "window_lattice": lambda: samplers.window_lattice(sobol(4), key=3),
         "dither, vectors": lambda: samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(3)),
-        "interleaved": lambda: samplers.interleaved(sequences.sobol(3), SPP, tile=4),
+        "interleaved": lambda: samplers.interleaved(sobol(3), SPP, tile=4),
         "interleaved, positions": lambda: samplers.interleaved(
-            sequences.halton(1), SPP, 1, samplers.independent(sequences.sobol(2), key=3)
+            halton(1), SPP, 1, samplers.independent(sobol(2), key=3)
         ),
         "ranked": lambda: samplers.ranked(3, key=3),
         "randomized, contiguous, owen": lambda: samplers.randomized(owen_pass, key=3),
@@ -327,21 +276,15 @@ SAMPLERS = Table(
         "progressive": lambda: samplers.progressive(SIDE, SIDE, key=3, dims=2),
         "progressive, groups": lambda: samplers.progressive(SIDE, SIDE, key=3, dims=6),
         "designed": lambda: samplers.designed(SIDE, SIDE, SPP, key=3, dims=3),
-        "tiled, boxes": lambda: samplers.tiled(
-            np.random.default_rng(1).random((8, 4, 2, 2, 2)), 3, dims=3, spp=SPP
-        ).at_frame(1),
-        "z, hash": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3),
-        "z, frames": lambda: samplers.z(SIDE, SIDE, SPP, key=3, dims=3, frames=8).at_frame(5),
-        "contiguous, hilbert3": lambda: samplers.contiguous(
-            orders.hilbert3(SIDE, SIDE, 4), sequences.owen(sequences.sobol(3), key=3), SPP
+        "tiled, boxes": lambda: samplers.tiled(tiles(), 3, dims=3, spp=SPP).at_frame(1),
+        "z, hash": lambda: z(SIDE, SIDE, SPP, key=3, dims=3),
+        "z, frames": lambda: z(SIDE, SIDE, SPP, key=3, dims=3, frames=8).at_frame(5),
+        "contiguous, hilbert3": lambda: contiguous(
+            orders.hilbert3(SIDE, SIDE, 4), owen(sobol(3), key=3), SPP
         ).at_frame(3),
-        "z, tree": lambda: samplers.z(
-            SIDE, SIDE, SPP, 3, "tree", sequence=sequences.owen(sequences.sobol(3), key=3)
-        ),
-        "split": lambda: samplers.z(SIDE, SIDE, SPP // 2, key=3, dims=3).split((1, 2), 2),
-        "z, plain, counts": lambda: samplers.z(SIDE, SIDE, SPP, None, "plain").adaptive(
-            [[SPP] * SIDE] * SIDE
-        ),
+        "z, tree": lambda: z(SIDE, SIDE, SPP, 3, "tree", sequence=owen(sobol(3), key=3)),
+        "split": lambda: z(SIDE, SIDE, SPP // 2, key=3, dims=3).split((1, 2), 2),
+        "z, plain, counts": lambda: z(SIDE, SIDE, SPP, None, "plain").adaptive([[SPP] * SIDE] * SIDE),
     }
 )
 
@@ -372,9 +315,8 @@ def boxes(bits: np.ndarray, m: int, i: int) -> np.ndarray:
 
 def is_net(bits: np.ndarray, m: int) -> bool:
     """Tell whether each elementary interval of area 2**-m holds one of the 2**m points, t = 0."""
-    return all(
-        np.all(np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) == 1) for i in range(m + 1)
-    )
+    counts = (np.bincount(boxes(bits, m, i).astype(np.int64), minlength=2**m) for i in range(m + 1))
+    return all(np.all(count == 1) for count in counts)
 
 
 def free_port():
@@ -397,17 +339,6 @@ def environment(**more):
 def sizes(monkeypatch, backend=backends.CPU, **changed):
     """Let programs have other sizes: those of a GPU, for example."""
     monkeypatch.setitem(backends.BY_PLATFORM, "cpu", backend._replace(**changed))
-
-
-def refuses(error, calls):
-    """Return a test that each call raises an error with the message before it."""
-
-    @pytest.mark.parametrize("message", calls)
-    def test(message):
-        with pytest.raises(error, match=message):
-            calls[message]()
-
-    return test
 
 
 def pixels(width, height, spp=1, start=0):
@@ -442,25 +373,16 @@ def grammar(order):
 
     golden, numbered = 0x9E3779B9, permutations_of_4()
     if hasattr(order, "seed"):
-        return (
-            int(order.seed),
-            lambda node: numbered[node * 24 >> 32],
-            lambda node, digit: triple32((node + (digit + 1) * golden) % 2**32),
-        )
+        child = lambda node, digit: triple32((node + (digit + 1) * golden) % 2**32)  # noqa: E731
+        return int(order.seed), lambda node: numbered[node * 24 >> 32], child
     if hasattr(order, "dim"):
         mask = 0x55555555 * int(order.dim) % 2**32
-        return (
-            0,
-            lambda node: numbered[((node ^ mask) * golden % 2**32) * 24 >> 32],
-            lambda node, digit: (4 * node + digit) % 2**32,
-        )
+        place = lambda node: numbered[((node ^ mask) * golden % 2**32) * 24 >> 32]  # noqa: E731
+        return 0, place, lambda node, digit: (4 * node + digit) % 2**32
     production, numbers = np.asarray(order.production).tolist(), np.asarray(order.permutations).tolist()
     shift, letters = int(getattr(order, "shift", 0)), len(production)
-    return (
-        0,
-        lambda node: numbered[numbers[node]],
-        lambda node, digit: production[(node + shift) % letters][digit],
-    )
+    child = lambda node, digit: production[(node + shift) % letters][digit]  # noqa: E731
+    return 0, lambda node: numbered[numbers[node]], child
 
 
 def digit_count(base):

@@ -28,17 +28,12 @@ SOME = 1200
 """Of the points, in random order, those that are asked for in other ways than all at once."""
 IMAGES = [(300, 200), (40000, 3)]
 
+contiguous = samplers.contiguous
 # More than 2**32 samples: indices that exceed a word.
 LARGE = {
-    "contiguous, hilbert, sobol": lambda: samplers.contiguous(
-        orders.hilbert(65536, 65536), sequences.sobol(3), 16
-    ),
-    "contiguous, hilbert, halton": lambda: samplers.contiguous(
-        orders.hilbert(40000, 20000), sequences.halton(3), 9
-    ),
-    "contiguous, raster, lattice": lambda: samplers.contiguous(
-        orders.raster(65536, 60000), sequences.lattice(4), 7
-    ),
+    "contiguous, hilbert, sobol": lambda: contiguous(orders.hilbert(65536, 65536), sequences.sobol(3), 16),
+    "contiguous, hilbert, halton": lambda: contiguous(orders.hilbert(40000, 20000), sequences.halton(3), 9),
+    "contiguous, raster, lattice": lambda: contiguous(orders.raster(65536, 60000), sequences.lattice(4), 7),
     "optimized": lambda: samplers.optimized(65536, 65536, 16, key=3),
     "optimized, joint": lambda: samplers.optimized(65536, 65536, 16, key=3, dims=3),
     "z, hash": lambda: samplers.z(65536, 65536, 16, key=3, dims=3),

@@ -1,4 +1,4 @@
-"""A script as users write it, checked by ``test_types.py``; lines that end in ``# error`` must be refused."""
+"""A script as users write it (``test_package.py``); lines that end in ``# error`` must be refused."""
 
 from pathlib import Path
 from typing import Any

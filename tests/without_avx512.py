@@ -10,9 +10,8 @@ from numpy._core._multiarray_umath import __cpu_dispatch__, __cpu_features__
 
 if __name__ == "__main__":
     # NumPy warns of other names than those that it would use here.
-    wide = [
-        name for name in __cpu_dispatch__ if __cpu_features__[name] and ("512" in name or name == "X86_V4")
-    ]
+    able = [name for name in __cpu_dispatch__ if __cpu_features__[name]]
+    wide = [name for name in able if "512" in name or name == "X86_V4"]
     more = {"NPY_DISABLE_CPU_FEATURES": " ".join(wide), "OPENBLAS_CORETYPE": "Haswell"} if wide else {}
     more["XLA_FLAGS"] = f"--xla_cpu_max_isa=AVX2 {os.environ.get('XLA_FLAGS', '')}".strip()
     os.execve(sys.executable, [sys.executable, *sys.argv[1:]], os.environ | more)

@@ -15,7 +15,7 @@ import analysis
 import qmcjax as qj
 from analysis._comparing import promises
 from analysis._comparing.convergence import time_render
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import samplers, scenes, sequences
 from qmcjax.core import checks
 from qmcjax.core.bits import hash_word, to_unit
 from qmcjax.samplers.turned_tiles import stratified
@@ -82,7 +82,6 @@ class Refusing(Plug):
 
 
 CALLS = count()
-RANDOM = np.random.default_rng(1)
 
 
 def shifted(x, y, sample):
@@ -117,59 +116,41 @@ def traced(x, y, sample):
     return good(x, y, sample) / (2 if isinstance(sample, jax.core.Tracer) else 1)
 
 
-def in_order(x, y, sample):
-    place = np.arange(sample.size, dtype=np.float32).reshape(sample.shape)
-    return (good(x, y, sample) + place[..., None] / 999) % 1
-
-
 BREAKS = {
     "range": (Plug(lambda x, y, s: good(x, y, s) * 1.01), r"coordinate \d of pixel .* are in \[0, 1\)"),
-    "negative": (Plug(lambda x, y, s: good(x, y, s) - 0.01), r"coordinate \d of pixel .* is -0.0"),
     "one": (Plug(lambda x, y, s: jnp.where((s == 5)[..., None], 1, good(x, y, s))), "is 1.0: coordinates"),
     "nan": (Plug(lambda x, y, s: jnp.where((s == 3)[..., None], jnp.nan, good(x, y, s))), "sample 3, is nan"),
     "infinite": (first_as(lambda u: jnp.where(u < 0.1, jnp.inf, u)), "is inf: coordinates"),
     "repeats": (Plug(lambda x, y, s: good(x, y, s // 2)), "samples 0 and 1 of pixel .* are the same point"),
     "last repeats": (Plug(lambda x, y, s: good(x, y, jnp.minimum(s, 14))), "samples 14 and 15 of pixel"),
-    "one for each pixel": (Plug(lambda x, y, s: good(x, y, 0 * s)), "samples 0 and 1 of pixel"),
     "uniform": (Plug(lambda x, y, s: good(x, y, s) ** 2), "coordinate 0 is not uniform: its dis.* 0.25. off"),
     "second": (first_as(lambda u: u**1.2, 1), "coordinate 1 is not uniform"),
-    "low half": (first_as(lambda u: u / 2), "coordinate 0 is not uniform"),
     "high half": (first_as(lambda u: (u + 1) / 2), "coordinate 0 is not uniform"),
     "gap": (first_as(lambda u: jnp.where(abs(u - 0.5) < 0.1, 0.3, u)), "coordinate 0 is not uniform"),
     "tent": (Plug(lambda x, y, s: (good(x, y, s) + good(y, x, s + 7)) / 2), "coordinate 1 is not uniform"),
-    "power": (first_as(lambda u: u**1.3), "coordinate 0 is not uniform"),
     "coarse": (first_as(lambda u: jnp.floor(u**4 * 256) / 256), "0 is not uniform: its distribution is 0.4"),
     "constant": (first_as(lambda u: 0 * u + 0.25), "coordinate 0 is not uniform: it is 0.25 in all points"),
-    "zero": (first_as(lambda u: 0 * u), "coordinate 0 is not uniform: it is 0 in all points"),
     "two values": (first_as(lambda u: jnp.where(u < 0.5, 0.1, 0.2)), "has only 2 values, from 0.1 to 0.2"),
     "rare": (first_as(lambda u: jnp.where(u < 0.1, 0.1, 0.6)), "its 2 values are not equally frequent"),
     "eight values": (first_as(lambda u: jnp.floor(u**2 * 8) / 8), "its 8 values are not equally frequent"),
     "ten values": (first_as(lambda u: jnp.floor(u * 10) / 20), "only 10 values, from 0 to 0.45"),
     "three values": (first_as(lambda u: jnp.floor(u * 3) / 4), "not one in each interval of 1/3"),
     "state": (Plug(lambda x, y, s: good(x, y, s) / 2 + next(CALLS) / 99), "a second call gives other points"),
-    "random": (Plug(lambda x, y, s: jnp.asarray(RANDOM.random((*x.shape, 2), np.float32))), "a second call"),
     "traced": (Plug(traced), "jax.jit gives other points"),
     "company": (Plug(shifted), "one sample, 0 of pixel .* gives other points"),
-    "place": (Plug(in_order), "one sample, .* gives other points"),
     "dims": (ByPlace(), "coordinate 1 alone gives other points"),
     "first alone": (alone((0,)), "coordinate 0 alone gives other points"),
     "last alone": (alone((1,)), "coordinate 1 alone gives other points"),
     "middle alone": (alone((1,), Three), "coordinate 1 alone gives other points"),
     "turned": (alone((1, 0)), r"coordinates \(1, 0\) gives other points"),
     "all dims": (Typed(lambda x, y, s, dims, dtype: good(x, y, s).astype(dtype)), "0 alone (gives|fails)"),
-    "float32": (
-        in_all_types(lambda points, dtype: points),
-        "dtype=float64 fails: .* dtype float64 .* got float32",
-    ),
+    "float32": (in_all_types(lambda points, dtype: points), "dtype=float64 fails: .* float64 .* got float32"),
     "float16": (in_all_types(lambda points, dtype: points.astype(jnp.float16)), "float16"),
     "other in float64": (
         in_all_types(lambda points, dtype: in_type(points / (2 if dtype == jnp.float64 else 1), dtype)),
         "dtype=float64 gives other points",
     ),
-    "integers": (
-        Plug(lambda x, y, s: (4 * good(x, y, s)).astype(jnp.int32)),
-        "a call with arrays .* fails|int",
-    ),
+    "integers": (Plug(lambda x, y, s: (4 * good(x, y, s)).astype(jnp.int32)), "with arrays .* fails|int"),
     "scalars": (Plug(lambda x, y, s: jnp.full(2, float(x) / 99)), "a call with arrays .* fails: TypeError"),
     "key": (Keyed(1), "jax.jit fails: TracerArrayConversionError"),
     "shape": (Plug(lambda x, y, s: good(x, y, s)[..., None]), "a call with arrays .* fails"),
@@ -230,34 +211,24 @@ def test_uniformity_is_tested_at_a_level_of_a_millionth():
         assert least < m * (1 - 1 / m) ** draws <= 1e-6
 
 
-KEPT = Table(
-    {
-        "own": lambda: Plug(good),
-        "Owen": lambda: samplers.independent(sequences.sobol(3), 1),
-        "Z": lambda: samplers.z(SIDE, SIDE, SPP, 1),
-        "Hilbert": lambda: samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.halton(2), SPP),
-        "mask": lambda: samplers.dither(samplers.blue_noise_mask(2), sequences.lattice(2)),
-        "screen": lambda: samplers.full_screen(sequences.sobol(4), SIDE, SIDE),
-        "ranked": lambda: samplers.ranked(2, 1),
-        "lattice in each pixel": lambda: samplers.independent(sequences.rank1_lattice(SPP), 1, "shift"),
-        "tile": lambda: samplers.tiled(
-            stratified(np.random.default_rng(1).random((32, 32, 1, 16, 2)))[:, :, 0], 3
-        ),
-    }
-)
+# A tile of a few points that are not in strata is not uniform itself.
+def random_strata():
+    return stratified(np.random.default_rng(1).random((32, 32, 1, 4, 2)))[:, :, 0]
+
+
+OF_OURS = {
+    "own": lambda: Plug(good),
+    "screen": lambda: samplers.full_screen(sequences.sobol(4), SIDE, SIDE),
+    "lattice in each pixel": lambda: samplers.independent(sequences.rank1_lattice(4), 1, "shift"),
+    "tile": lambda: samplers.tiled(random_strata(), 3),
+}
+KEPT = SAMPLERS.without(["tiled, boxes"]) | Table(OF_OURS)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KEPT)
 def test_samplers_keep_their_promises(name):
-    assert analysis.broken_promises(KEPT[name], SIDE, SIDE, SPP) == []
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SAMPLERS.without(["tiled, boxes"]))
-def test_all_samplers_keep_their_promises(name):
-    """A tile of a few points that are not in strata is not uniform itself."""
-    assert analysis.broken_promises(SAMPLERS[name], SIDE, SIDE, 4) == []
+    assert analysis.broken_promises(KEPT[name], SIDE, SIDE, 4) == []
 
 
 def test_a_sampler_that_refuses_says_why():
@@ -277,13 +248,8 @@ def other_owen(width, height, spp, key):
 
 @pytest.fixture(scope="module")
 def comparison():
-    made = {
-        "Owen": owen,
-        "Owen, other keys": other_owen,
-        "fixed": KEPT["screen"],
-        "few": samplers.z(SIDE, SIDE, 4, 1),
-    }
-    made["deaf"] = lambda key: KEPT["screen"]
+    made = {"Owen": owen, "Owen, other keys": other_owen, "fixed": KEPT["screen"]}
+    made |= {"few": samplers.z(SIDE, SIDE, 4, 1), "deaf": lambda key: KEPT["screen"]}
     worlds = {"disc": scenes.disc(), "ball": scenes.ball()}
     return analysis.compare(made, worlds, [1, 4, 16], width=SIDE, height=SIDE, keys=4)
 
@@ -357,10 +323,7 @@ def test_what_fails_is_left_out_with_the_reason():
         return {}["key"]
 
     made = {
-        "one": (
-            lambda: Plug(later),
-            r"sampler must return points in \[0, 1\), got \[1.0, 1.0\] in pixel \(40, 0",
-        ),
+        "one": (lambda: Plug(later), r"sampler must return points in \[0, 1\), got .* in pixel \(40, 0"),
         "nan": (lambda: Plug(lambda x, y, s: good(x, y, s) * jnp.nan), r"sampler must return points .*nan"),
         "raises": (lambda: Plug(lambda x, y, s: 1 / 0), "ZeroDivisionError: division by zero"),
         "dtype": (lambda: samplers.function(lambda x, y, s: x, 2), "f must return points of shape"),
@@ -390,13 +353,9 @@ def test_a_class_may_hold_a_sequence():
 
 
 def test_ranks_say_who_is_told_apart():
-    def of(values):
-        return {"RMS error": tuple(values), "filtered error": tuple(values)}
-
     def row(sampler, values):
-        return analysis.ComparisonRow(
-            "s", sampler, 1, of(values), 0.0, np.zeros(1), np.zeros(1), np.zeros((2, 2))
-        )
+        of, nothing = dict.fromkeys(("RMS error", "filtered error"), tuple(values)), np.zeros(1)
+        return analysis.ComparisonRow("s", sampler, 1, of, 0.0, nothing, nothing, np.zeros((2, 2)))
 
     rows = row("best", [1.0, 1.1, 0.9, 1.0]), row("a", [2.0, 2.6, 2.2, 2.4]), row("b", [2.1, 2.5, 2.3, 2.4])
     left_out = {("s", "c", 1): "no", ("s", "c", 4): "no", ("t", "c", 4): "no"}
@@ -410,6 +369,19 @@ def test_ranks_say_who_is_told_apart():
     rows = [["best", "0.997*", "-"], ["a", "2.29", "-"], ["b", "2.32", "-"], ["c", "-", "-"], ["c", "-", "-"]]
     assert [line.split()[1:] for line in said[1:6]] == rows
     assert said[-2:] == ["left out: c, s at 1, 4 spp; t at 4 spp: no", "a breaks a promise: one"]
+
+
+def test_further_measures_have_values_ranks_and_columns():
+    """Of each key, as the function gives them."""
+    measures = {"trimmed": analysis.trimmed_error, "own": lambda image, reference: np.ptp(image - reference)}
+    made, worlds = {"Owen": owen}, {"disc": scenes.disc()}
+    result = analysis.compare(made, worlds, [4], width=SIDE, height=SIDE, keys=4, measures=measures)
+    exact, row = result.references["disc"], result.row("disc", "Owen", 4)
+    images = [np.asarray(qj.render(scenes.disc(), owen(key), SIDE, SIDE, 4), np.float64) for key in range(4)]
+    for name, of in measures.items():
+        assert row.values[name] == tuple(of(image, exact) for image in images)
+        assert result.ranks("disc", 4, name) == {"Owen": (1, 1, 1)} and name in str(result)
+        assert result.table()[0][name] == row.mean(name) > result.table()[0][f"{name}, low"]
 
 
 @pytest.mark.slow
@@ -427,9 +399,7 @@ def test_points_are_measured_where_they_are(comparison):
     own = np.asarray(KEPT["screen"](x, y, sample, (0, 1)), np.float64)
     whole = ((own + np.stack([x, y], axis=-1)) / 16).reshape(-1, 2)
     assert measured["star discrepancy"] == pytest.approx(analysis.star_discrepancy(whole), rel=1e-12)
-    assert measured["largest t in a pixel"] == max(
-        analysis.t_value(own[i, j]) for i in range(4) for j in range(4)
-    )
+    assert measured["largest t in a pixel"] == max(analysis.t_value(own[k // 4, k % 4]) for k in range(16))
     assert 0 < measured["relative minimum distance"] < 1
 
 

@@ -1,8 +1,6 @@
-import dataclasses
 import math
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 import pytest
 from refusals import refused
@@ -114,12 +112,6 @@ def test_regions(rendered):
     assert odd.rows[0].errors["lower"] == pytest.approx(math.sqrt((1 + 3 * 100) / 4))
 
 
-def test_progress(rendered):
-    parts = []
-    convergence(Scene(), SAMPLERS, [1, 2], width=4, height=4, progress=parts.append)
-    assert parts == [0.25, 0.5, 0.75, 1.0]
-
-
 def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
     """What was measured is neither measured again nor lost, and no other sweep takes it for its own."""
     monkeypatch.setattr(checkpoints, "EVERY", 0.0)
@@ -142,33 +134,16 @@ def test_an_interrupted_sweep_goes_on(rendered, tmp_path, monkeypatch):
     assert convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": None}) == table
     with pytest.raises(ValueError, match=r"^checkpoint .*sweep', where samplers is another one: "):
         convergence(scenes.disc(), SAMPLERS, [1, 16], **given)
-    with pytest.raises(
-        ValueError, match=r"with a label where foreign .* and samplers: test_convergence\.Fake:"
-    ):
+    with pytest.raises(ValueError, match=r"label where foreign .* and samplers: test_convergence\.Fake:"):
         convergence(scenes.disc(), SAMPLERS, [1, 4], **{**given, "checkpoint": tmp_path / "plain"})
-
-
-def refuse(spp):
-    raise ValueError(f"spp must be a power of four, got {spp}")
 
 
 GOOD = {"samplers": SAMPLERS, "spps": [1, 4], "width": 8, "height": 8}
 BAD = [
-    (dict(spps=[4, 1, 4]), r"different.*\[4, 1, 4\]"),
     (dict(samplers={"net": Fake(1.0, 0.0, made_for=4)}), "spp must be 4, got 1"),
     (dict(samplers={"good": SAMPLERS["slow"], "none": lambda spp: None}), r"samplers\['none'\].*None"),
-    (dict(samplers={"slow": SAMPLERS["slow"], "net": refuse}), "spp must be a power of four, got 1"),
     (dict(regions={"nothing": np.s_[8:]}), r"regions\['nothing'\]"),
-    (dict(regions={"other mask": np.ones((4, 4), bool)}), r"regions\['other mask'\]"),
     (dict(height=1), r"regions\['upper'\]"),
-    (dict(reference=np.zeros((8, 8))), r"reference must be a pair .* array of float64 \(8, 8\)"),
-    (dict(reference=(np.zeros((8, 8)),)), "reference must be a pair .* got 1 values"),
-    (dict(reference=(np.zeros((8, 9)), 0.0)), r"reference\[0\] must have shape \(8, 8\) .* got \(8, 9\)"),
-    (dict(reference=(np.full((8, 8), np.nan), 0.0)), r"reference\[0\] must be finite, got nan at \(0, 0\)"),
-    (dict(reference=("image", 0.0)), r"reference\[0\] must be an image, got 'image'"),
-    (dict(reference=(np.zeros((8, 8)), None)), r"reference\[1\] must be a bound .* None"),
-    (dict(reference=(np.zeros((8, 8)), -1.0)), r"reference\[1\] must be .* at least 0, got -1.0"),
-    (dict(reference=(np.zeros((8, 8)), np.inf)), r"reference\[1\] must be .* finite .* got inf"),
 ]
 
 
@@ -209,101 +184,24 @@ def scene_with(reference):
     return Referenced()
 
 
-@pytest.mark.parametrize(
-    ("error", "scene", "message"),
-    [
-        (TypeError, scenes.function(lambda p: p[..., 0], ("x", "y")), "scene must have a ref.*estimated_ref"),
-        (TypeError, scene_with(lambda *_: None), r"scene.reference\(width, height\) must be a pair"),
-        (
-            ValueError,
-            scene_with(lambda *_: (np.zeros(8), 0)),
-            r"scene.reference.*\[0\] must have shape \(8, 8\)",
-        ),
-    ],
+test_what_is_wrong_with_a_scenes_reference = refused(
+    (scenes.function(lambda p: p[..., 0], ("x", "y")), "scene must have a ref.*estimated_ref"),
+    (scene_with(lambda *_: None), r"scene.reference\(width, height\) must be a pair"),
+    (scene_with(lambda *_: (np.zeros(8), 0)), r"scene.reference.*\[0\] must have shape \(8, 8\)"),
+    call=lambda scene: convergence(scene, **GOOD),
 )
-def test_what_is_wrong_with_a_scenes_reference(rendered, error, scene, message):
-    with pytest.raises(error, match=message):
-        convergence(scene, **GOOD)
-    assert not rendered
-
-
-def test_reference_of_another_shape(rendered):
-    with pytest.raises(ValueError, match=r"image \(8, 8\), got \(8, 8, 3\)"):
-        convergence(scene_with(lambda *_: (np.zeros((8, 8, 3)), 0.0)), **GOOD)
 
 
 def table_of(errors):
-    row = analysis.ConvergenceRow("a", 1, {"whole": 0.0}, 1.0, 1.0)
-    rows = [dataclasses.replace(row, spp=4**i, errors={"whole": e}) for i, e in enumerate(errors)]
+    """Return a table of errors of 1, 2, 4, ... samples."""
+    rows = (ConvergenceRow("a", 2**k, {"whole": float(e)}, 0.5, 1.0) for k, e in enumerate(errors))
     return ConvergenceTable(tuple(rows), 0.0)
-
-
-def test_slope_is_least_squares():
-    errors = [1.0, 0.3, 0.2, 0.01]
-    expected = np.polyfit(np.log([1, 4, 16, 64]), np.log(errors), 1)[0]
-    assert table_of(errors).slope("a") == pytest.approx(expected, rel=1e-12)
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Random:
-    """Independent points: the least that renders."""
-
-    key: jax.Array
-    dims = 2
-
-    def check(self, width, height, spp):
-        pass
-
-    def __call__(self, x, y, sample, dims, dtype):
-        key = self.key
-        for number in (x, y, sample):  # of the first of these pixels
-            key = jax.random.fold_in(key, number.ravel()[0])
-        return jax.random.uniform(key, (*x.shape, len(dims)), dtype)
-
-
-@pytest.mark.slow
-def test_real_renderer():
-    """Random samples of x y in a pixel have a known variance and slope -1/2; Owen-scrambled nets better."""
-    size = 64
-    methods = {
-        "random": Random(jax.random.key(1)),
-        "owen": samplers.independent(sequences.sobol(2), 2),
-    }
-    x = (np.arange(size) + 0.5) / size
-    given = dict(width=size, height=size, repeats=1, reference=(np.multiply.outer(x, x), 0.0))
-    product = scenes.function(lambda point: point[..., 0] * point[..., 1], ("x", "y"))
-    table = convergence(product, methods, [1, 4, 16], **given)
-    # In the pixel with centre (a, b) and side h it is (a^2 + b^2) h^2/12 + h^4/144.
-    h = 1 / size
-    variance = 2 * (x**2).mean() * h**2 / 12 + h**4 / 144
-    spps, errors = table.errors("random")
-    # The squared error is an average over 4096 pixels, of a distribution with kurtosis below 5.
-    np.testing.assert_allclose(errors**2, variance / spps, rtol=5 * math.sqrt(4 / size**2))
-    assert table.slope("random") == pytest.approx(-0.5, abs=0.05)
-    assert table.slope("owen") < -1
-    assert all(row.seconds > 0 and row.first_seconds > 0 for row in table.rows)
 
 
 def scattered(exponent, scatter, seed, count=10):
     """Return a table whose errors are a power of spp times log-normal noise."""
-    spps = 2.0 ** np.arange(count)
-    noise = np.exp(scatter * np.random.default_rng(seed).normal(size=len(spps)))
-    errors = spps**exponent * noise
-    rows = [
-        ConvergenceRow("a", int(n), {"whole": float(e)}, 0.5, 1.0) for n, e in zip(spps, errors, strict=True)
-    ]
-    return ConvergenceTable(tuple(rows), 0.0)
-
-
-@pytest.mark.parametrize("count", [3, 4, 10])
-def test_intervals_hold_the_slope_as_often_as_they_say(count):
-    """Of 1000 tables, within 5 standard deviations, however few errors there are."""
-    tables = [scattered(-0.7, 0.2, seed, count) for seed in range(1000)]
-    for level in (0.5, 0.95):
-        intervals = [table.slope_interval("a", level=level) for table in tables]
-        held = np.mean([low < -0.7 < high for low, high in intervals])
-        assert abs(held - level) < 5 * math.sqrt(level * (1 - level) / 1000)
+    noise = np.exp(scatter * np.random.default_rng(seed).normal(size=count))
+    return table_of(2.0 ** (exponent * np.arange(count)) * noise)
 
 
 def test_the_slopes_interval_is_that_of_scipy():
@@ -326,9 +224,73 @@ test_what_a_table_cannot_tell = refused(
     (lambda _: table_of([1.0]).errors("a", "left"), r"region must be one of \['whole'\], got 'left'"),
     (lambda _: table_of([1.0]).slope("a"), "'a'"),
     (lambda _: table_of([1.0, 0.0]).slope("a"), "'a'"),
-    (lambda table: table.slope_interval("b"), r"sampler must be one of \['a'\], got 'b'"),
-    (lambda table: table.efficiency("a", "upper"), "region must be .* got 'upper'"),
     (lambda table: scattered(-1, 0.1, 0, count=2).slope_interval("a"), "three or more errors"),
     call=lambda call: call(scattered(-0.5, 0.1, seed=0)),
     error=ValueError,
 )
+
+
+def over_keys(errors, spps=(1, 4, 16)):
+    """Return a table of errors, shape (numbers of samples, keys)."""
+    rows = (
+        ConvergenceRow("a", n, {"whole": float(np.exp(np.log(of).mean()))}, 1.0, 1.0, {"whole": tuple(of)})
+        for n, of in zip(spps, errors, strict=True)
+    )
+    return ConvergenceTable(tuple(rows), 0.0)
+
+
+def test_intervals_over_keys_are_those_of_scipy():
+    """Of logarithms of errors, and of the slopes of the keys; the slope is that of the geometric means."""
+    errors = np.array([1.0, 0.4, 0.1])[:, None] * np.exp(0.1 * np.random.default_rng(2).normal(size=(3, 6)))
+    table = over_keys(errors)
+    for row, of in zip(table.rows, np.log(errors), strict=True):
+        expected = stats.t.interval(0.9, 5, of.mean(), stats.sem(of))
+        assert np.log(row.interval(level=0.9)) == pytest.approx(expected, rel=1e-12)
+    assert np.array_equal(table.bands("a", level=0.9).T, [row.interval(level=0.9) for row in table.rows])
+    slopes = [np.polyfit(np.log([1, 4, 16]), of, 1)[0] for of in np.log(errors).T]
+    assert table.slope("a") == pytest.approx(np.mean(slopes), rel=1e-10)
+    expected = stats.t.interval(0.95, 5, np.mean(slopes), stats.sem(slopes))
+    assert table.slope_interval("a") == pytest.approx(expected, rel=1e-10)
+    assert "a  " in str(table) and f"{table.slope('a'):.2f} ±" in str(table) and "over 6 keys" in str(table)
+    assert over_keys(errors[:2], (1, 4)).slope_interval("a")[0] < -0.5
+
+
+def test_fewer_than_4_keys_have_no_intervals():
+    table = over_keys(np.array([[1.0, 1.1, 0.9], [0.5, 0.4, 0.6], [0.2, 0.3, 0.25]]))
+    assert table.rows[0].interval() == (0, np.inf)
+    spps, errors = table.errors("a")
+    line = stats.linregress(np.log(spps), np.log(errors))
+    width = stats.t.ppf(0.975, 1) * line.stderr
+    assert table.slope_interval("a") == pytest.approx((line.slope - width, line.slope + width), rel=1e-10)
+    assert "%" not in str(table).partition("\n±")[0]
+
+
+def test_each_key_is_a_rendering(rendered):
+    """Factors of keys 0 to 3 are 1, 2, 4 and 8; what takes no key is rendered once, as is a single image."""
+    made = {"keyed": lambda spp, key: Fake(2.0**key, -1.0), "deaf": lambda key: Fake(1.0, -0.5)}
+    made["fixed"] = Fake(1.0, -0.5)
+    table = convergence(Scene(), made, [1, 4], width=6, height=8, keys=4, repeats=1)
+    assert len(rendered) == 2 * (5 + 5 + 2)
+    row = table.rows[1]
+    assert (row.sampler, row.spp) == ("keyed", 4)
+    assert row.values["upper"] == pytest.approx([0.25, 0.5, 1, 2])
+    errors = np.array([row.errors["upper"], row.errors["lower"]])
+    assert errors == pytest.approx([np.sqrt(0.5), 10 * np.sqrt(0.5)])
+    assert all(len(row.values["whole"]) == 1 for row in table.rows[2:])
+    assert table.slope_interval("keyed") == pytest.approx((-1, -1))
+    lines = str(table).splitlines()
+    assert len(lines) == 1 + 3 * 3 + 1 and lines[1].split()[:2] == ["whole", "keyed"]
+    with pytest.raises(TypeError, match=r"samplers\['a'\] must be a function with parameters among width"):
+        convergence(Scene(), {"a": lambda n: Fake(1.0, 0.0)}, [1], width=6, height=8, keys=4)
+
+
+def test_keys_in_a_checkpoint(rendered, tmp_path):
+    """The same table again, and none without keys."""
+    given = {"width": 6, "height": 8, "reference": Scene().reference(6, 8)}
+    given["checkpoint"] = qj.Checkpoint(tmp_path / "sweep", "v1")
+    made = {"a": lambda key: Fake(2.0**key, -1.0)}
+    table = convergence(scenes.disc(), made, [1, 4], keys=4, **given)
+    count = len(rendered)
+    assert convergence(scenes.disc(), made, [1, 4], keys=4, **given) == table and len(rendered) == count
+    with pytest.raises(ValueError, match=r"where samplers is another one"):
+        convergence(scenes.disc(), made, [1, 4], keys=5, **given)

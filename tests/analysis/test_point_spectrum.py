@@ -1,10 +1,15 @@
+"""Spectra of points and of errors."""
+
+import itertools
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
 
-from analysis import mean_spectrum, point_spectrum, radial_anisotropy, radial_average
+from analysis import error_spectrum, mean_spectrum, point_spectrum, radial_anisotropy, radial_average
 from analysis._spectra import point_spectrum as _point_spectrum
 from analysis._spectra.point_spectrum import direct_sums, fast_sums
 
@@ -64,32 +69,15 @@ def test_fft_keeps_its_stated_accuracy():
     """For one point all sums have modulus 1: the largest error over points is the error per n."""
     with jax.enable_x64(True):
         points = jnp.asarray(random_points(300, 1))[:, None]
-        both = jax.jit(jax.vmap(lambda x: (fast_sums(x, 16), direct_sums(x, 16))))
-        fast, direct = both(points)
+        fast, direct = jax.jit(jax.vmap(lambda x: (fast_sums(x, 16), direct_sums(x, 16))))(points)
         assert 1e-14 < np.abs(np.asarray(fast) - np.asarray(direct)).max() < 5e-12
-
-
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("resolution", [9, 10])
-def test_dual_lattice(resolution, method):
-    """P = n where u + 12 v is divisible by 37 = n, at (1, 3) for example, and 0 elsewhere."""
-    u, v = frequencies(resolution, 2)
-    expected = np.where((u + 12 * v) % 37 == 0, 37.0, 0.0)
-    lattice = np.arange(37)[:, None] * np.array([1, 12]) % 37 / 37
-    spectrum = point_spectrum(lattice, resolution, method)
-    np.testing.assert_allclose(spectrum, expected, rtol=0, atol=1e-12 if method == "direct" else 1e-9)
-    assert expected[3, 1] == 37 > expected[1, 3]
 
 
 def test_size_decides_on_the_method(monkeypatch):
     """Few frequencies or few points: the direct sum."""
-    chosen = []
-    monkeypatch.setattr(
-        _point_spectrum, "_measure", lambda p, resolution, fast, dtype: chosen.append((resolution, fast))
-    )
-    for n, resolution in ((10, 256), (4096, 16), (4096, 128)):
-        point_spectrum(np.zeros((n, 2)), resolution)
-    assert chosen == [(256, False), (16, False), (128, True)]
+    monkeypatch.setattr(_point_spectrum, "_measure", lambda p, resolution, fast, dtype: fast)
+    sizes = (10, 256), (4096, 16), (4096, 128)
+    assert [point_spectrum(np.zeros((n, 2)), resolution) for n, resolution in sizes] == [False, False, True]
 
 
 @pytest.mark.parametrize(("method", "width"), [("direct", 14), ("fft", 14**2)])
@@ -105,10 +93,7 @@ def test_batches(monkeypatch, method, width):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_gradient(method):
-    """Against central differences of a weighted sum, to 1e-6; for points on the FFT's grid as well.
-
-    Of float32 points the gradient is float32, but no less precise inside.
-    """
+    """Against central differences of a weighted sum, to 1e-6, in float32 too; on the FFT's grid as well."""
     points = random_points(37).astype(np.float32).astype(np.float64)
     points[:3] = [[0, 0.5], [0.25, 0.125], [0.25, 0.125]]
     weights = np.random.default_rng(3).normal(size=(9, 9))
@@ -183,25 +168,106 @@ def test_many_points_are_not_copied(method, dims):
     assert program.memory_analysis().temp_size_in_bytes < 2 * 8 * dims * 2**23
 
 
-def test_white_noise():
-    """Mean 1 and anisotropy -10 log10(m) dB, by Ulichney, within 5 sigma of the sample over keys."""
-    keys = range(40)
-    mean, error = mean_spectrum(lambda key: point_spectrum(random_points(128, seed=key), 31, "direct"), keys)
-    assert mean.shape == error.shape == (31, 31)
-    assert mean[0, 0] == pytest.approx(128)
-    assert error[0, 0] < 1e-10
-    frequency, power = radial_average(mean)
-    pairs = np.maximum(np.pi * frequency, 2)
-    assert np.all(np.abs(power - 1) < 5 / np.sqrt(40 * pairs))
-    assert np.abs(error[1:, 1:].mean() * np.sqrt(40) - 1) < 0.1
-    decibels = radial_anisotropy(mean)[1]
-    assert abs(decibels[5:].mean() + 10 * np.log10(40)) < 0.5
+FAR = np.zeros((4, 3)), 257, None, r"resolution.*\[2, 256\].*257"
+test_bad_arguments = refused((np.zeros((4, 4)), 8, None, "points.*d=4"), FAR, call=point_spectrum)
 
 
-test_bad_arguments = refused(
-    (np.zeros((4, 4)), 8, None, "points.*d=4"),
-    (np.zeros((4, 2)), 4097, None, r"resolution.*\[2, 4096\].*4097"),
-    (np.zeros((4, 3)), 257, None, r"resolution.*\[2, 256\].*257"),
-    (np.zeros((4, 2)), 8, "fast", "method.*'fast'"),
-    call=point_spectrum,
+SIZES = [(8, 8), (7, 7), (6, 9), (10, 4), (1, 12), (5, 1), (2, 2)]
+
+
+def noise(*shape, seed=1):
+    return np.random.default_rng(seed).normal(size=shape)
+
+
+def direct_spectrum(error):
+    """Follow the definition, frequency by frequency."""
+    height, width = error.shape
+    y, x = np.mgrid[:height, :width]
+    centred = error - error.mean()
+    power = np.empty((height, width))
+    for v, u in itertools.product(range(height), range(width)):
+        power[v, u] = abs(np.sum(centred * np.exp(-2j * np.pi * (u * x / width + v * y / height)))) ** 2
+    return power / (error.size * error.var())
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_definition_of_error_spectra(size):
+    image, reference = noise(*size), noise(*size, seed=2)
+    spectrum = error_spectrum(image, reference)
+    assert spectrum.dtype == np.float64
+    np.testing.assert_allclose(spectrum, direct_spectrum(image - reference), rtol=1e-10, atol=1e-12)
+    assert spectrum.mean() == pytest.approx(1, rel=1e-12)
+    assert spectrum[0, 0] == 0
+
+
+def test_channels_are_weighted_by_their_power():
+    red, green, zero = noise(6, 8), 3 * noise(6, 8, seed=2), np.zeros((6, 8))
+    image = np.stack([red, green, zero + 0.25], axis=-1)
+    spectrum = error_spectrum(image, np.zeros_like(image))
+    weighted = red.var() * error_spectrum(red, zero) + green.var() * error_spectrum(green, zero)
+    np.testing.assert_allclose(spectrum, weighted / (red.var() + green.var()), rtol=1e-10, atol=1e-12)
+    assert spectrum.shape == (6, 8)
+
+
+def annuli(height, width):
+    """Sort frequencies into annuli by comparing squares, times (2 h w)^2, in integers."""
+    longer = max(height, width)
+    table = {}
+    for v, u in itertools.product(range(height), range(width)):
+        fy, fx = min(v, height - v), min(u, width - u)
+        square = (2 * longer) ** 2 * ((fy * width) ** 2 + (fx * height) ** 2)
+        scale = height * width
+        k = next(k for k in itertools.count() if square < ((2 * k + 1) * scale) ** 2)
+        table.setdefault(k, []).append((v, u))
+    return table
+
+
+@pytest.mark.parametrize("size", [*SIZES, (64, 64), (49, 49), (49, 30), (12, 18)])
+def test_radial_average_and_anisotropy_by_exact_annuli(size):
+    spectrum = noise(*size) ** 2
+    frequency, power = radial_average(spectrum)
+    table = annuli(*size)
+    np.testing.assert_array_equal(frequency, np.arange(1, max(size) // 2 + 1))
+    expected = [math.fsum(spectrum[place] for place in table[k]) / len(table[k]) for k in frequency]
+    np.testing.assert_allclose(power, expected, rtol=1e-12)
+    assert frequency.dtype == power.dtype == np.float64
+    same, anisotropy = radial_anisotropy(spectrum)
+    np.testing.assert_array_equal(same, frequency)
+    for k, found in zip(frequency, anisotropy, strict=True):
+        values = np.array([spectrum[place] for place in table[k]])
+        if len(values) == 1:
+            assert np.isnan(found)
+        else:
+            assert found == pytest.approx(10 * np.log10(values.var(ddof=1) / values.mean() ** 2), abs=1e-9)
+
+
+test_bad_errors = refused(
+    (np.full((4, 4), 0.1), np.zeros((4, 4)), "more than a constant.*0.1"),
+    (np.full((4, 4, 3), [0.1, 0.2, 0.3]), np.zeros((4, 4, 3)), "more than a constant.*0.3"),
+    call=error_spectrum,
+    error=ValueError,
 )
+
+
+def test_anisotropy_of_known_spectra():
+    """1 + cos(2 phi) varies by 1/2, -3 dB, at any scale; a constant by nothing."""
+    k = np.fft.fftfreq(129)
+    wave = 1 + np.cos(2 * np.arctan2(k[:, None], k))
+    found = radial_anisotropy(wave)[1]
+    assert found[20:] == pytest.approx(10 * np.log10(0.5), abs=0.4)
+    np.testing.assert_allclose(radial_anisotropy(1e-8 * wave)[1], found, rtol=1e-9)
+    assert (radial_anisotropy(np.full((8, 8), 3.0))[1] == -np.inf).all()
+    assert np.isnan(radial_anisotropy(np.zeros((8, 8)))[1]).all()
+
+
+def test_mean_over_keys():
+    """The sample's mean and deviation, of large numbers too."""
+    made = 1e6 + noise(9, 3, 4)
+    mean, error = mean_spectrum(lambda key: made[key], iter(range(9)))
+    np.testing.assert_allclose(mean, made.mean(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(error, made.std(axis=0, ddof=1) / 3, rtol=1e-8)
+    assert mean.dtype == error.dtype == np.float64
+
+
+BAD_KEYS = ([], "keys.*0"), ([1], "keys.*1"), ([2, 3], r"make.*\(2,\).*\(3,\)")
+test_bad_keys = refused(*BAD_KEYS, call=lambda keys: mean_spectrum(np.ones, keys), error=ValueError)

@@ -1,4 +1,4 @@
-"""Source code, compiled: functions of arrays in C, C++ and CUDA compiled as C++."""
+"""Source code, compiled: functions of arrays in C, C++ and Rust; CUDA and Metal compiled as C++."""
 
 import ctypes
 import shutil
@@ -11,8 +11,13 @@ COMPILERS = {
     "g++": ("c", ["g++", "-std=c++11", "-x", "c++"]),
     "clang": ("c", ["clang", "-std=c99"]),
     "cuda": ("cuda", ["g++", "-std=c++11", "-x", "c++", "-D__device__=", "-include", "cuda.h"]),
+    "metal": ("metal", ["g++", "-std=c++14", "-x", "c++", "-I.", "-Wno-unused-parameter"]),
+    "rust": ("rust", ["rustc", "--edition=2018", "--crate-type=cdylib", "-Copt-level=1", "-Dwarnings"]),
 }
-"""Languages of ``source`` and commands; CUDA without its qualifiers, and with functions of its own."""
+"""Languages of ``source`` and commands; CUDA without its qualifiers, CUDA and Metal with functions of ours.
+
+No compiler of Metal is at hand: the text is C++14 where ``METAL`` has what Metal adds to it.
+"""
 
 CUDA = """\
 #include <math.h>
@@ -28,19 +33,52 @@ static inline double __longlong_as_double(long long bits) { double f; memcpy(&f,
 static inline long long __double_as_longlong(double f) { long long bits; memcpy(&bits, &f, 8); return bits; }
 """
 
-FLAGS = ["-O2", "-Wall", "-Wextra", "-Werror", "-Wno-unused-function", "-shared", "-fPIC"]
-
-DRIVERS = {
-    "sampler": "void run_{name}(uint32_t n, const uint32_t *x, const uint32_t *y, const uint32_t *s, "
-    "float *out) {\n"
-    "  for (uint32_t i = 0; i < n; i++) {name}(x[i], y[i], s[i], {name}_seeds, out + {size} * i);\n}",
-    "sequence": "void run_{name}(uint32_t n, const uint32_t *x, float *out) {\n"
-    "  for (uint32_t i = 0; i < n; i++) {name}(x[i], {seeds}out + {size} * i);\n}",
-    "order": "void run_{name}(uint32_t n, const uint32_t *x, const uint32_t *y, uint32_t *out) {\n"
-    "  for (uint32_t i = 0; i < n; i++) out[i] = {name}(x[i], y[i]{seeds});\n}",
-    "scene": "void run_{name}(uint32_t n, const float *p, float *out) {\n"
-    "  for (uint32_t i = 0; i < n; i++) {name}(p + {inputs} * i, out + {size} * i);\n}",
+METAL = """\
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#define constant const
+#define thread
+typedef unsigned int uint;
+template <class T, class U> T as_type(U value) {
+  T bits;
+  std::memcpy(&bits, &value, sizeof bits);
+  return bits;
 }
+namespace metal {
+template <class T> T min(T a, T b) { return b < a ? b : a; }
+template <class T> T max(T a, T b) { return a < b ? b : a; }
+inline uint reverse_bits(uint v) {
+  uint r = 0;
+  for (int k = 0; k < 32; k++) r |= (v >> k & 1u) << (31 - k);
+  return r;
+}
+using std::abs; using std::acos; using std::asin; using std::atan; using std::atan2; using std::ceil;
+using std::cos; using std::exp; using std::exp2; using std::floor; using std::fmod; using std::log;
+using std::log2; using std::pow; using std::rint; using std::sin; using std::sqrt; using std::tan;
+using std::tanh;
+}
+"""
+
+WARNINGS = ["-Wall", "-Wextra", "-Werror"]
+FLAGS = ["-O2", *WARNINGS, "-shared", "-fPIC"]
+
+WORDS = {"sampler": "xys", "sequence": "x", "order": "xy"}
+"""Arguments of each kind of object."""
+
+OF_C = """
+{link}void run_{name}(uint32_t n, {parameters}, {kind} *out) {{
+  for (uint32_t i = 0; i < n; i++) {call};
+}}
+{link}int checked_{name}(void) {{ return {check}; }}
+"""
+OF_RUST = """
+#[no_mangle] pub unsafe extern "C" fn run_{name}(n: u32, {parameters}, out: *mut {kind}) {{
+  for i in 0..n as usize {{ {call}; }}
+}}
+#[no_mangle] pub extern "C" fn checked_{name}() -> i32 {{ {check} }}
+"""
 
 
 def missing(compiler):
@@ -52,23 +90,39 @@ def missing(compiler):
 def library(folder, text, compiler, flags=()):
     """Return a shared library of some source code."""
     (folder / "cuda.h").write_text(CUDA)
+    (folder / "metal_stdlib").write_text(METAL)
     (folder / "mine.c").write_text(text)
     made = folder / f"mine-{compiler}.so"
-    command = [*COMPILERS[compiler][1], *FLAGS, *flags, "-o", str(made), "mine.c", "-lm"]
+    first, *own = COMPILERS[compiler][1]
+    if compiler != "rust":
+        own = [*FLAGS, *own, *flags, "-lm"]
+    command = [first, "-o", str(made), "mine.c", *own]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr[:4000]
     return ctypes.CDLL(str(made))
 
 
 def driven(text, kind, compiler, size, inputs=0, name="mine"):
-    """Return source code with a function that calls the function of a name for arrays."""
-    seeds = f"{name}_seeds" if f"{name}_seeds" in text else ""
-    after = {"sequence": f"{seeds}, " if seeds else "", "order": f", {seeds}" if seeds else ""}.get(kind, "")
-    driver = DRIVERS[kind]
-    for word, value in (("name", name), ("size", size), ("inputs", inputs), ("seeds", after)):
-        driver = driver.replace(f"{{{word}}}", str(value))
-    link = 'extern "C" ' if COMPILERS[compiler][1][0].endswith("++") else ""
-    return f"{text}\n{link}{driver}\n"
+    """Return source code with a function that calls the function of a name for arrays, and its check."""
+    language, command = COMPILERS[compiler]
+    rust, seeds = language == "rust", [f"{name}_seeds"] * (f"{name}_seeds" in text)
+    if rust:
+        words = [f"*{letter}.add(i)" for letter in WORDS.get(kind, "")]
+        words = words or [f"&*(p.add({inputs} * i) as *const [f32; {inputs}])"]
+        call = f"{name}({', '.join([*words, *(f'&{each}' for each in seeds)])})"
+        call = f"*out.add(i) = {call}" if kind == "order" else f"*(out as *mut [f32; {size}]).add(i) = {call}"
+        parameters = [f"{letter}: *const u32" for letter in WORDS.get(kind, "")] or ["p: *const f32"]
+    else:
+        words = [f"{letter}[i]" for letter in WORDS.get(kind, "")] or [f"p + {inputs} * i"]
+        place = f"(float (&)[{size}])out[{size} * i]" if language == "metal" else f"out + {size} * i"
+        call = f"{name}({', '.join([*words, *seeds, *[place] * (kind != 'order')])})"
+        call = f"out[i] = {call}" if kind == "order" else call
+        parameters = [f"const uint32_t *{letter}" for letter in WORDS.get(kind, "")] or ["const float *p"]
+    known = {"name": name, "call": call, "parameters": ", ".join(parameters)}
+    known["link"] = 'extern "C" ' if "c++" in command else ""
+    known["check"] = f"{name}_check()" if f"{name}_check" in text else "0"
+    known["kind"] = ("u32" if rust else "uint32_t") if kind == "order" else "f32" if rust else "float"
+    return text + (OF_RUST if rust else OF_C).format(**known)
 
 
 def called(made, kind, inputs, size, name="mine"):
@@ -80,6 +134,7 @@ def called(made, kind, inputs, size, name="mine"):
 
 
 def run(folder, text, kind, compiler, inputs, size, flags=()):
-    """Return what the function ``mine`` makes of arrays, shape (n, size)."""
+    """Return what the function ``mine`` makes of arrays, shape (n, size); it misses no golden vector."""
     made = library(folder, driven(text, kind, compiler, size), compiler, flags)
+    assert made.checked_mine() == 0
     return called(made, kind, inputs, size)

@@ -1,13 +1,16 @@
-"""Source code in shaders: WGSL, HLSL and GLSL, run by wgpu with any driver."""
+"""Source code in shaders: WGSL, HLSL, Slang and GLSL, run by wgpu with any driver."""
 
+import ctypes
 import shutil
 import subprocess
 from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 
-GIVEN = {"sampler": 3, "sequence": 1, "order": 2}
-"""Number of words that each kind of object is called with."""
+GIVEN = {"sampler": 3, "sequence": 1, "order": 2, "check": 0}
+"""Number of words that each kind of object is called with; a check returns one, as an order does."""
 
 WGSL = """
 @group(0) @binding(0) var<storage, read> given: array<u32>;
@@ -58,6 +61,11 @@ def filled(program, text, kind, inputs, size):
     words = [f"given[{number}u * i + {k}u]" for k in range(number)]
     words += ["mine_seeds"] * ("mine_seeds" in text)
     call = CALLS[program][kind == "order"].format(", ".join(words))
+    if kind == "check":  # An argument that is not used would not be bound.
+        check = f"{'u32' if program == WGSL else 'uint'}(mine_check()) + given[i]"
+        call = CALLS[program][1].replace("mine({})", check)
+    elif "mine_check" in text:  # A vector that is missed changes a result.
+        call += " if (i == 0u && mine_check() != 0) { values[0] = 9.0; }"
     for word, value in (("COUNT", len(inputs[0])), ("SIZE", size), ("CALL", call)):
         program = program.replace(f"@{word}@", str(value))
     return type(text)(text + program, text.tables)
@@ -80,14 +88,47 @@ def missing(language):
     """Return why a language cannot be run, or None."""
     if isinstance(device(), str):
         return device()
+    if language == "slang":
+        return None if slang() else "no slangpy: pip install slangpy"
     compiler = language == "wgsl" or shutil.which("glslangValidator")
     return None if compiler else "no glslangValidator (Debian: glslang-tools)"
+
+
+@cache
+def slang():
+    """Return the file of Slang's compiler, if slangpy is installed; it has 290 MB, and is no requirement."""
+    found = find_spec("slangpy")
+    return next(Path(found.origin).parent.glob("libslang-compiler.so*"), None) if found else None
+
+
+def wgsl_of(text, folder):
+    """Return what Slang's compiler makes of a program: WGSL, which is compiled in turn."""
+    library = ctypes.CDLL(str(slang()))
+    for name in ("spCreateSession", "spCreateCompileRequest", "spGetEntryPointCode"):
+        getattr(library, name).restype = ctypes.c_void_p
+    library.spGetDiagnosticOutput.restype = ctypes.c_char_p
+    (folder / "mine.slang").write_text(text)
+    options = ["-target", "wgsl", "-entry", "main", "-stage", "compute", str(folder / "mine.slang")]
+    session = ctypes.c_void_p(library.spCreateSession(None))
+    request = ctypes.c_void_p(library.spCreateCompileRequest(session))
+    given = (ctypes.c_char_p * len(options))(*map(str.encode, options))
+    failed = library.spProcessCommandLineArguments(request, given, len(options)) or library.spCompile(request)
+    assert failed == 0, library.spGetDiagnosticOutput(request).decode()[:4000]
+    size = ctypes.c_size_t()
+    code = library.spGetEntryPointCode(request, 0, ctypes.byref(size))
+    made = ctypes.string_at(code, size.value).decode()
+    library.spDestroyCompileRequest(request)
+    library.spDestroySession(session)
+    return made
 
 
 def run(language, text, kind, inputs, size, folder):
     """Return what a function makes of arrays, shape (n, size); GLSL without tables that are bound."""
     if language == "wgsl":
         return _run(str(filled(WGSL, text, kind, inputs, size)), text.tables, inputs, size, kind)
+    if language == "slang":
+        code = wgsl_of(filled(HLSL, text, kind, inputs, size), folder)
+        return _run(code, text.tables, inputs, size, kind)
     program, first, options = (HLSL, "", ["-D"]) if language == "hlsl" else (GLSL, VERSION, [])
     (folder / "mine").write_text(first + filled(program, text, kind, inputs, size))
     options += ["-V", "-S", "comp", "-e", "main", "--quiet"]
@@ -101,9 +142,8 @@ def _run(code, tables, inputs, size, kind):
     import wgpu
 
     made, count = device(), len(inputs[0])
-    given = made.create_buffer_with_data(
-        data=np.stack(inputs, axis=-1).astype(np.uint32).tobytes(), usage=wgpu.BufferUsage.STORAGE
-    )
+    words = np.stack(inputs, axis=-1).astype(np.uint32).tobytes()
+    given = made.create_buffer_with_data(data=words, usage=wgpu.BufferUsage.STORAGE)
     usage = wgpu.BufferUsage.STORAGE | wgpu.BufferUsage.COPY_SRC
     found = made.create_buffer(size=4 * count * size, usage=usage)
     compute = {"module": made.create_shader_module(code=code), "entry_point": "main"}
@@ -122,5 +162,5 @@ def _run(code, tables, inputs, size, kind):
     pass_.dispatch_workgroups(1024, -(-count // 65536))
     pass_.end()
     made.queue.submit([encoder.finish()])
-    dtype = np.uint32 if kind == "order" else np.float32
+    dtype = np.uint32 if kind in ("order", "check") else np.float32
     return np.frombuffer(made.queue.read_buffer(found), dtype).reshape(count, size)

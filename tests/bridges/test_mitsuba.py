@@ -26,19 +26,15 @@ def cornell_box(**options):
 
 def every_part(lights, of_disc):
     """Return a world of one object of each kind, turned and moved, that reflects light several times."""
-    mesh = [
-        [[-1.2, 0, 0.8], [-0.6, 0, 0.9], [-0.9, 0.7, 0.7]],
-        [[-0.6, 0, 0.9], [-0.3, 0, 0.3], [-0.9, 0.7, 0.7]],
-    ]
+    first = [[-1.2, 0, 0.8], [-0.6, 0, 0.9], [-0.9, 0.7, 0.7]]
+    mesh = [first, [[-0.6, 0, 0.9], [-0.3, 0, 0.3], [-0.9, 0.7, 0.7]]]
+    red = {"motion": TURNING, "material": tracing.diffuse((0.8, 0.3, 0.2))}
+    round_ones = [tracing.sphere([-0.6, 1.2, -0.5], 0.4)]
+    round_ones += [tracing.cylinder([-0.5, 0.4, 0.2], [0.3, 0.3, 0], 0.1)]
     objects = [
         tracing.plane([0, 0, 0], [0.0, 1, 0.05], material=tracing.diffuse((0.5, 0.6, 0.7))),
-        tracing.box(
-            [0.4, 0.2, -0.5], [1, 0.7, 0.4], motion=TURNING, material=tracing.diffuse((0.8, 0.3, 0.2))
-        ),
-        tracing.group(
-            [tracing.sphere([-0.6, 1.2, -0.5], 0.4), tracing.cylinder([-0.5, 0.4, 0.2], [0.3, 0.3, 0], 0.1)],
-            motion=TURNING,
-        ),
+        tracing.box([0.4, 0.2, -0.5], [1, 0.7, 0.4], **red),
+        tracing.group(round_ones, motion=TURNING),
         tracing.disc([0, 0.8, -1.2], [0.2, 0.3, 1], 0.9, material=of_disc),
         tracing.triangles(mesh, material=tracing.diffuse(0.9)),
     ]
@@ -52,23 +48,21 @@ SCENES = {
     "cornell box, direct": lambda: cornell_box(mirror=False),
     "cornell box, 4 bounces": lambda: cornell_box(bounces=4),
     "occluder, direct": lambda: scenes.occluder().estimator,
-    "point and sphere light, lens": lambda: tracing.path_tracing(
-        every_part([POINT, SPHERE], tracing.mirror((0.9, 0.8, 0.6))), LENS, 2
-    ),
+    "point and sphere light, lens": lambda: seen([POINT, SPHERE], tracing.mirror((0.9, 0.8, 0.6))),
     # Without mirrors: at the last surface of a path Mitsuba's would show the environment.
-    "environment": lambda: tracing.path_tracing(
-        every_part([tracing.environment([0.4, 0.5, 0.6])], tracing.diffuse(0.9)), LENS, 2
-    ),
+    "environment": lambda: seen([tracing.environment([0.4, 0.5, 0.6])], tracing.diffuse(0.9)),
 }
+
+
+def seen(*given):
+    return tracing.path_tracing(every_part(*given), LENS, 2)
 
 
 def replicates(scene, spp):
     """Return images by sequences of their own, float64 (REPLICATES, SIDE, SIDE, 3)."""
     sobol = sequences.sobol(len(scene.needs))
-    images = [
-        qj.render(scene, samplers.independent(sobol, key), SIDE, SIDE, spp) for key in range(REPLICATES)
-    ]
-    return np.asarray(images, np.float64)
+    keyed = [samplers.independent(sobol, key) for key in range(REPLICATES)]
+    return np.asarray([qj.render(scene, sampler, SIDE, SIDE, spp) for sampler in keyed], np.float64)
 
 
 def mean_and_variance(images):

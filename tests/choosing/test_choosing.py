@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import ttest_1samp, ttest_rel
-from tables import few
+from tables import few, slow_cases
 
 import qmcjax as qj
 from analysis.tables import recommendations
@@ -21,13 +21,17 @@ TABLES = Path(choosing.__file__).parent / "_data"
 ARGUMENTS = {"images": {}, "frames": {"frames": 32}, "prefixes": {"progressive": True}}
 
 
+@cache
+def rows(file):
+    with (TABLES / file).open(encoding="utf-8") as stream:
+        return list(csv.DictReader(line for line in stream if line[0] != "#"))
+
+
 def cell(smooth, level, spp, filtered, setting="images"):
     """Return errors by sampler, size and scene as the file has them, in thousandths."""
-    with (TABLES / choosing.SETTINGS[setting].file).open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(line for line in stream if line[0] != "#"))
     column = f"{choosing.MEASURES[filtered]} at {spp} spp"
     found = {}
-    for row in rows:
+    for row in rows(choosing.SETTINGS[setting].file):
         if int(row["level"]) == level and smooth in (None, row["kind"] == "smooth"):
             found.setdefault(row["sampler"], {})[row["size"], row["scene"]] = int(row[column])
     return found
@@ -42,10 +46,7 @@ CELLS = [
 
 @pytest.mark.parametrize("setting", choosing.SETTINGS)
 def test_the_tables_have_all_candidates_and_all_scenes(setting):
-    """Each sampler in all levels that it has the dimensions for, so that means are over the same scenes.
-
-    At two sizes, of which one is no power of 2 in either direction.
-    """
+    """Each sampler in all levels that it has the dimensions for, so that means are over the same scenes."""
     of_setting = choosing.SETTINGS[setting]
     sizes = ["{} x {}".format(*size) for size in of_setting.sizes]
     (side, same), (width, height) = of_setting.sizes
@@ -53,14 +54,18 @@ def test_the_tables_have_all_candidates_and_all_scenes(setting):
     for level, of_level in recommendations.SCENES.items():
         assert all(len(scene.needs) <= level for scene in of_level.values())
         found = cell(None, level, 1, False, setting)
-        able = [
-            name for name, made in of_setting.candidates.items() if made.least_dims <= level <= made.most_dims
-        ]
+        able = [k for k, made in of_setting.candidates.items() if made.least_dims <= level <= made.most_dims]
         assert list(found) == able
         assert all(list(errors) == list(product(sizes, of_level)) for errors in found.values())
 
 
+def words(choice):
+    """Return the reason in one line."""
+    return " ".join(choice.reason.split())
+
+
 def test_what_is_recommended_is_the_best_of_the_table():
+    """With its ratios to the others, and as its cost the largest ratio on a single scene."""
     for setting, smooth, level, spp, filtered in CELLS:
         found = cell(smooth, level, spp, filtered, setting)
         means = {name: np.mean(list(errors.values())) for name, errors in found.items()}
@@ -71,6 +76,15 @@ def test_what_is_recommended_is_the_best_of_the_table():
         for name, other in choice.others.items():
             assert other.ratio == pytest.approx(np.exp((means[name] - means[choice.name]) / 1000))
         assert list(choice.others) == sorted(choice.others, key=means.__getitem__)
+        # The reason is two sentences in lines of 80 characters.
+        assert max(map(len, str(choice).split("\n"))) <= 80
+        assert words(choice).replace("... ", "").count(". ") == 1 and words(choice).endswith(".")
+        assert str(choice).startswith(f"{choice.name}\n{choice.reason}\n")
+        # A zone plate is smooth, and no sampler is better on it at few samples, whatever it is on others.
+        errors = np.array([list(of.values()) for of in found.values()]) / 1000
+        own = errors[list(found).index(choice.name)]
+        assert choice.cost == pytest.approx(np.exp((own - errors.min(axis=0)).max()))
+        assert f"at most {choice.cost:.2f} times" in " ".join(str(choice).split())
 
 
 def logarithms(found, names):
@@ -97,23 +111,6 @@ def test_intervals_are_those_of_paired_differences(level, filtered):
     assert left > 1
 
 
-def test_identical_samplers_are_called_worse_in_5_of_100_answers_at_most():
-    """The best of them is chosen by the errors that it is then compared by; both sizes say the same."""
-    rng = np.random.default_rng(1)
-    trials, names = 400, [f"sampler {k}" for k in range(16)]
-    false = 0
-    for _ in range(trials):
-        errors = dict(zip(names, rng.standard_normal((16, 1, 12)).repeat(2, axis=1), strict=True))
-        measured = choosing.Measured(("",) * 12, errors)
-        false += any(other.differs for other in measured.ratios(measured.ranked(names)))
-    assert false / trials < 0.05 + 5 * np.sqrt(0.05 * 0.95 / trials)
-
-
-def words(choice):
-    """Return the reason in one line."""
-    return " ".join(choice.reason.split())
-
-
 def test_reasons_say_what_is_significant():
     """One sample in each pixel has the same RMS error, wherever it is."""
     none = qj.recommend(4, 1, smooth=False)
@@ -123,32 +120,11 @@ def test_reasons_say_what_is_significant():
         differ = [name for name, other in choice.others.items() if other.low > 1.02]
         assert set(choice.alternatives) == set(choice.others) - set(differ)
         assert (choice.margin is None) == (not differ)
-        assert (f"{len(choice.alternatives)} other" in words(choice)) == (
-            bool(choice.alternatives and differ)
-        )
+        assert (f"{len(choice.alternatives)} other" in words(choice)) == bool(choice.alternatives and differ)
         if differ:
             of = choice.margin
             said = f'"{differ[0]}" has {of.ratio:.2f} times this error ({of.low:.2f} to {of.high:.2f})'
             assert said in words(choice)
-
-
-def test_reasons_are_two_sentences_of_lines_of_80_characters():
-    for setting, smooth, level, spp, filtered in CELLS:
-        choice = qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
-        assert max(map(len, str(choice).split("\n"))) <= 80
-        assert words(choice).replace("... ", "").count(". ") == 1 and words(choice).endswith(".")
-        assert str(choice).startswith(f"{choice.name}\n{choice.reason}\n")
-
-
-def test_the_cost_is_the_largest_ratio_on_a_single_scene():
-    """A zone plate is smooth, and no sampler is better on it at few samples, whatever they are on others."""
-    for setting, smooth, level, spp, filtered in CELLS:
-        found = cell(smooth, level, spp, filtered, setting)
-        choice = qj.recommend(level, spp, smooth, filtered=filtered, **ARGUMENTS[setting])
-        errors = np.array([list(of.values()) for of in found.values()]) / 1000
-        own = errors[list(found).index(choice.name)]
-        assert choice.cost == pytest.approx(np.exp((own - errors.min(axis=0)).max()))
-        assert f"at most {choice.cost:.2f} times" in " ".join(str(choice).split())
 
 
 @pytest.mark.parametrize("setting", choosing.SETTINGS)
@@ -207,15 +183,6 @@ def drawn(sampler, x, y, sample, dims=(0, 1)):
     return sampler(x, y, sample, dims)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", choosing.CANDIDATES)
-def test_each_key_makes_other_points(name):
-    """In each coordinate."""
-    made = [choosing.CANDIDATES[name].make(2, 16, 8, 4, key) for key in (1, 2)]
-    first, second = (np.asarray(drawn(sampler, *PIXELS)) for sampler in made)
-    assert (first != second).any(axis=0).all()
-
-
 def test_kinds_of_all_scenes_of_the_table_are_known():
     for of_level in recommendations.SCENES.values():
         kinds = [choosing.has_edges(scene) for scene in of_level.values()]
@@ -246,28 +213,27 @@ def test_what_is_recommended_can_be_rendered():
     assert qj.render(scene, sampler, 16, 8, 4).shape == (8, 16)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", choosing.CANDIDATES)
-def test_candidates_have_the_dimensions_that_they_are_made_for(name):
-    candidate = choosing.CANDIDATES[name]
-    for dims in (2, 3, 8):
-        if candidate.takes(dims, 4):
-            sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 4, 1))
+RENDERED = [("prefixes", name, 2) for name in choosing.SETTINGS["prefixes"].candidates]
+RENDERED += slow_cases(*(("images", name, 8) for name in choosing.CANDIDATES))
+
+
+@pytest.mark.parametrize("setting, name, rendered", RENDERED)
+def test_candidates_have_the_dimensions_that_they_are_made_for(setting, name, rendered):
+    """And those of progressive images render prefixes."""
+    candidate = choosing.SETTINGS[setting].candidates[name]
+    for dims in (2, 4, 8):
+        if candidate.takes(dims, 8):
+            sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 8, 1))
             assert sampler.dims >= dims
-            sampler.check(16, 8, 4)
+            sampler.check(16, 8, rendered)
 
 
 REMEASURED = [
-    ("images", "(0,2), Owen"),
-    ("images", "Z, hash"),
-    ("images", "Hilbert, Owen-Sobol'"),
-    ("frames", "Hilbert, golden shifts"),
-    ("frames", "designed frames"),
-    ("frames", "Z, moving"),
-    ("prefixes", "optimised orders"),
-    ("prefixes", "designed, progressive"),
+    ("images", "(0,2), Owen"), ("images", "Z, hash"), ("images", "Hilbert, Owen-Sobol'"),
+    ("frames", "Hilbert, golden shifts"), ("frames", "designed frames"), ("frames", "Z, moving"),
+    ("prefixes", "optimised orders"), ("prefixes", "designed, progressive"),
     ("prefixes", "progressive orders"),
-]
+]  # fmt: skip
 
 
 @cache
@@ -288,40 +254,6 @@ def test_a_new_measurement_agrees(setting, name):
         np.testing.assert_allclose(found[measure], listed, atol=0.0011)
 
 
-@pytest.mark.slow
-def test_margins_hold_at_a_size_that_was_not_measured():
-    """The mean ratios of all samplers, within 5 standard deviations of what keys make of them.
-
-    Scenes share keys, whose scatter is not that of the intervals.
-    """
-    size, spp, keys = (96, 96), 16, range(100, 108)
-    smooth = [not choosing.has_edges(scene) for scene in recommendations.SCENES[2].values()]
-    of_keys = {
-        name: np.log(recommendations.errors(made, choosing.STILL, 2, size, spp, keys)[0][:, smooth]).mean(
-            axis=1
-        )
-        for name, made in choosing.CANDIDATES.items()
-    }
-    for filtered in (False, True):
-        choice = qj.recommend(2, spp, True, filtered=filtered)
-        for name, other in choice.others.items():
-            ratios = (of_keys[name] - of_keys[choice.name])[int(filtered)]
-            scatter = 5 * ratios.std(ddof=1) * np.sqrt(2 / len(keys))
-            assert np.log(other.low) - scatter < ratios.mean() < np.log(other.high) + scatter, name
-
-
-@pytest.mark.slow
-def test_images_are_those_of_render():
-    """The program behind the table evaluates all scenes at the points that an image would take."""
-    candidate = choosing.CANDIDATES["(0,2), Owen"]
-    size = choosing.SIZES[1]
-    sampler = candidate.make(2, *size, 4, 1)
-    drawn = recommendations.images(sampler, 2, *size, 4)
-    names = list(recommendations.SCENES[2])
-    expected = qj.render(scenes.gaussian(), sampler, *size, 4)
-    np.testing.assert_allclose(drawn[names.index("gaussian")], expected, atol=1e-5)
-
-
 def test_images_that_are_too_large_for_a_net_are_told():
     choice = replace(qj.recommend(2, 64), name="permutation")
     assert choice.sampler(8192, 8192, key=1).dims == 2
@@ -335,9 +267,10 @@ def test_images_that_are_too_large_for_a_net_are_told():
 # -- animations, progressive images, sizes
 
 
-@pytest.mark.parametrize(
-    "name", few(choosing.SETTINGS["frames"].candidates, "Hilbert, moving", "designed frames")
-)
+FRAMES = choosing.SETTINGS["frames"].candidates
+
+
+@pytest.mark.parametrize("name", few(FRAMES, "Hilbert, moving", "designed frames"))
 def test_frames_are_the_same_program_with_other_points(name):
     """Frames of a key differ, and a traced number of a frame gives the sampler of that frame."""
     candidate = choosing.SETTINGS["frames"].candidates[name]
@@ -348,16 +281,6 @@ def test_frames_are_the_same_program_with_other_points(name):
     assert (first != second).any(axis=0).all()
     traced = jax.jit(lambda t: candidate.make(4, 16, 8, 4, 1, t))(np.uint32(4))
     np.testing.assert_allclose(drawn(traced, *at), second, atol=2e-7)
-
-
-@pytest.mark.parametrize("name", choosing.SETTINGS["prefixes"].candidates)
-def test_progressive_candidates_render_prefixes(name):
-    candidate = choosing.SETTINGS["prefixes"].candidates[name]
-    for dims in (2, 4, 8):
-        if candidate.takes(dims, 8):
-            sampler = samplers.as_sampler("sampler", candidate.make(dims, 16, 8, 8, 1))
-            assert sampler.dims >= dims
-            sampler.check(16, 8, 2)
 
 
 def test_what_is_recommended_for_frames_is_a_sampler_of_each():
@@ -419,23 +342,18 @@ def test_the_moving_average_forgets():
 
 test_bad_input_is_named = refused(
     (lambda: qj.recommend(2, 4, frames=2, progressive=True), "progressive must be False for"),
-    (lambda: qj.recommend(2, 4).sampler(16, 16, 1, frame=2), "frame must be None without frames=, got 2"),
-    (
-        lambda: qj.recommend(2, 4, frames=2).sampler(16, 16, 1),
-        "frame must be the number of a frame, got None",
-    ),
+    (lambda: qj.recommend(2, 4, frames=2).sampler(16, 16, 1), "frame must be the number of a frame, got"),
     error=ValueError,
 )
 
 
 def test_after_a_denoiser_the_stored_errors_decide():
     """Also for numbers of samples and dimensions that were not measured."""
-    with (TABLES / choosing.DENOISED.file).open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(line for line in stream if line[0] != "#"))
-    assert {row["sampler"] for row in rows} == set(choosing.DENOISED.candidates)
+    table = rows(choosing.DENOISED.file)
+    assert {row["sampler"] for row in table} == set(choosing.DENOISED.candidates)
     for level, spp in product(choosing.LEVELS, choosing.DENOISED.spps):
         found = {}
-        for row in rows:
+        for row in table:
             if int(row["level"]) == level:
                 found.setdefault(row["sampler"], []).append(int(row[f"RMS error at {spp} spp"]))
         choice = qj.recommend(level, spp, after="denoiser")
@@ -455,11 +373,7 @@ def test_a_filter_is_what_filtered_says():
 
 test_what_cannot_come_after = refused(
     (lambda: qj.recommend(4, 4, after=True), TypeError, "after must be one of"),
-    (
-        lambda: qj.recommend(4, 4, filtered=True, after="filter"),
-        ValueError,
-        "filtered must be False with after",
-    ),
+    (lambda: qj.recommend(4, 4, filtered=True, after="filter"), ValueError, "filtered must be False with"),
     (lambda: qj.recommend(4, 4, frames=8, after="denoiser"), ValueError, "after must be .* for frames"),
     (lambda: qj.recommend(4, 4, progressive=True, after="denoiser"), ValueError, "after must be"),
 )

@@ -39,14 +39,14 @@ def test_what_was_written_is_read(tmp_path):
     assert os.listdir(tmp_path) == ["state"]
 
 
-@pytest.mark.parametrize(
-    ("other", "message"),
-    [
-        ({"scene": DISC, "spp": 8}, r"where spp was 4, is 8: give another path"),
-        ({"scene": scenes.disc((0.5, 0.5), 0.1), "spp": 4}, "where scene is another one:"),
-        ({"scene": DISC, "sampler": DISC}, "where spp was 4, is None, sampler is another one:"),
-    ],
-)
+OTHERS = [
+    ({"scene": DISC, "spp": 8}, r"where spp was 4, is 8: give another path"),
+    ({"scene": scenes.disc((0.5, 0.5), 0.1), "spp": 4}, "where scene is another one:"),
+    ({"scene": DISC, "sampler": DISC}, "where spp was 4, is None, sampler is another one:"),
+]
+
+
+@pytest.mark.parametrize("other, message", OTHERS)
 def test_another_computation_is_refused(tmp_path, other, message):
     keep(tmp_path / "state", done=1)
     with pytest.raises(
@@ -93,20 +93,18 @@ def test_a_damaged_or_foreign_file_is_refused_and_stays(tmp_path, kind):
     assert path.read_bytes() == before
 
 
+NO_PATH = "must be the path of a file or a Checkpoint, got 3"
+FOLDER = r"must be the path of a file, got a folder: '\.'"
+
+
 @pytest.mark.parametrize(
     ("path", "error", "message"),
     [
-        (3, TypeError, "must be the path of a file or a Checkpoint, got 3"),
-        (Checkpoint(3, "v1"), TypeError, "must be the path of a file or a Checkpoint, got 3"),
+        (3, TypeError, NO_PATH),
+        (Checkpoint(3, "v1"), TypeError, NO_PATH),
         (Checkpoint("state", 1), TypeError, "must have a string as label, got 1"),
-        (Checkpoint(".", "v1"), ValueError, r"must be the path of a file, got a folder: '\.'"),
-        ("", ValueError, r"must be the path of a file, got a folder: '\.'"),
-        (".", ValueError, r"must be the path of a file, got a folder: '\.'"),
-        (
-            "missing/state",
-            ValueError,
-            "must be the path of a file, got one in a folder that is not there: 'missing/state'",
-        ),
+        *((path, ValueError, FOLDER) for path in (Checkpoint(".", "v1"), "", ".")),
+        ("missing/state", ValueError, ".* got one in a folder that is not there: 'missing/state'"),
     ],
 )
 def test_what_is_no_path_of_a_file(tmp_path, monkeypatch, path, error, message):
@@ -124,9 +122,7 @@ def test_a_full_disk_leaves_the_last_one(tmp_path):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2 * len(before), hard))
     try:
-        with pytest.warns(
-            RuntimeWarning, match=r"checkpoint '.*' cannot be written, the previous one stays: .*large"
-        ):
+        with pytest.warns(RuntimeWarning, match=r"checkpoint '.*' cannot be written, the previous .*large"):
             held.write(total=np.zeros(10_000))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
@@ -173,10 +169,8 @@ def test_the_state_of_an_outer_loop_is_written_with_that_of_an_inner_one(tmp_pat
     held = begin(tmp_path / "state", spp=1)
     held.outer = {"images": np.ones(2)}
     held.write(row=3)
-    assert {name: found.tolist() for name, found in begin(tmp_path / "state", spp=1).state.items()} == {
-        "images": [1, 1],
-        "row": 3,
-    }
+    found = begin(tmp_path / "state", spp=1).state
+    assert {name: each.tolist() for name, each in found.items()} == {"images": [1, 1], "row": 3}
 
 
 def sampler(key=1, order=orders.hilbert):
@@ -238,11 +232,8 @@ class Rings:
 
 
 def test_arrays_in_foreign_pytrees_count_all_the_same():
-    made = [
-        Rings(jnp.arange(3.0), scenes.disc()),
-        Rings(jnp.arange(4.0), scenes.disc()),
-        Rings(jnp.arange(3.0), scenes.disc((0.5, 0.5), 0.1)),
-    ]
+    given = (3.0, scenes.disc()), (4.0, scenes.disc()), (3.0, scenes.disc((0.5, 0.5), 0.1))
+    made = [Rings(jnp.arange(count), inner) for count, inner in given]
     found = [digest("scene", each) for each in made]
     assert len({hexadecimal for hexadecimal, _ in found}) == len(made)
     assert [foreign for _, foreign in found] == [[f"scene: {__name__}.Rings"]] * len(made)
@@ -318,18 +309,13 @@ def by_exec(name):
 
 
 FOREIGN = {
-    "function": scaled,
-    "lambda": lambda point: point[..., 0],
-    "closure": (lambda k: lambda point: k * point[..., 0])(2),
-    "compiled": jax.jit(scaled),
+    "function": scaled, "lambda": lambda point: point[..., 0],
+    "closure": (lambda k: lambda point: k * point[..., 0])(2), "compiled": jax.jit(scaled),
     "partial": functools.partial(scaled, factor=3),
-    "wrapped as a library's": functools.wraps(jnp.where)(lambda point: point[..., 0]),
-    "object": Scaled(),
-    "bound method": Scaled().__call__,
-    "list with a call": Listed(),
-    "by exec": by_exec(__name__),
+    "wrapped as a library's": functools.wraps(jnp.where)(lambda point: point[..., 0]), "object": Scaled(),
+    "bound method": Scaled().__call__, "list with a call": Listed(), "by exec": by_exec(__name__),
     "named as a builtin": by_exec("builtins"),
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FOREIGN)
@@ -340,9 +326,7 @@ def test_foreign_code_takes_a_label(tmp_path, name):
         return begin(checkpoint, scene=scenes.function(FOREIGN[name], ("x", "y")), spp=4)
 
     path = tmp_path / "state"
-    with pytest.raises(
-        ValueError, match=r"must be a qmcjax\.Checkpoint .* foreign code .*state' and scene: "
-    ):
+    with pytest.raises(ValueError, match=r"must be a qmcjax\.Checkpoint .* foreign .*state' and scene: "):
         begun(path)
     assert not path.exists()
     begun(qj.Checkpoint(path, "1")).write(done=3)

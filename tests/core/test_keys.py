@@ -16,7 +16,7 @@ import qmcjax
 from qmcjax import orders, samplers, sequences
 from qmcjax.core import draws
 from qmcjax.core.checks import prng_key
-from qmcjax.sequences._scrambling.art_owen import with_tables
+from qmcjax.sequences._scrambling.owen import with_tables
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -180,11 +180,8 @@ def test_only_one_module_draws():
     """Everything else takes what it draws from there."""
     roots = [Path(package.__file__).parent for package in (qmcjax, analysis)]
     texts = {path: path.read_text() for root in roots for path in root.rglob("*.py")}
-    used = {
-        (name, path.name)
-        for path, text in texts.items()
-        for name in re.findall(r"jax\.random\.(\w+)\(", text)
-    }
+    found = {path.name: re.findall(r"jax\.random\.(\w+)\(", text) for path, text in texts.items()}
+    used = {(name, file) for file, names in found.items() for name in names}
     none = {"key", "key_data", "key_impl", "wrap_key_data", "fold_in"}
     assert {each for each in used if each[0] not in none} == set()
     assert "jax.random.bits" in next(text for path, text in texts.items() if path.name == "draws.py")

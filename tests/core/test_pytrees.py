@@ -44,21 +44,6 @@ def test_a_class_that_is_written_anew_is_another_one():
     assert (program(first), program(second)) == (3, 6)
 
 
-def test_leaves_have_the_names_of_their_fields():
-    paths = [
-        jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_leaves_with_path(sequences.uniform(2, 0))
-    ]
-    assert paths == [".seeds"]
-
-
-def test_leaves_may_be_traced_and_mapped():
-    seq = sequences.uniform(1, key=0)
-    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf + np.uint32(1)]), seq)
-    points = jax.vmap(lambda s: s(jnp.uint32(3)))(stacked)
-    assert points.shape == (2, 1)
-    assert points[0] == seq(3)
-
-
 @some("value", OBJECTS, *BY_DEFAULT["sequences"], *BY_DEFAULT["samplers"], *CURVES)
 def test_every_object_is_a_tree_with_a_line_that_compares(value):
     """There and back: its class and its fields; other leaves: another object."""
@@ -69,9 +54,7 @@ def test_every_object_is_a_tree_with_a_line_that_compares(value):
     assert type(back) is type(value) and jax.tree.structure(back) == structure
     assert all(a is b for a, b in zip(leaves, jax.tree.leaves(back), strict=True))
     keys = [jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) for leaf in leaves]
-    copies = [
-        jax.random.clone(leaf) if key else np.array(leaf) for leaf, key in zip(leaves, keys, strict=True)
-    ]
+    copies = [jax.random.clone(a) if key else np.array(a) for a, key in zip(leaves, keys, strict=True)]
     again = structure.unflatten(copies)
     assert value == again and hash(value) == hash(again) and value in [again]
     assert value != 3 and value != leaves

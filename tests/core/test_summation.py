@@ -7,7 +7,7 @@ import pytest
 from tables import slow, some
 
 import qmcjax as qj
-from qmcjax import orders, samplers, scenes, sequences
+from qmcjax import samplers, scenes, sequences
 from qmcjax.core import summation
 
 N = 40
@@ -96,46 +96,8 @@ def test_gradients_are_compensated():
         np.testing.assert_array_max_ulp(np.asarray(derivative(tenths)(jnp.float32(1))), np.float32(0.1))
 
 
-# Hashes of a scrambling take long to compile, and change neither memory nor edges.
+# Hashes of a scrambling take long to compile, and do not change the memory.
 SAMPLER = samplers.independent(sequences.sobol(2), key=0, randomize="xor")
-
-
-def loss(frequency):
-    sampler = samplers.contiguous(orders.raster(4, 4), sequences.roberts(2), 8)
-    return (qj.render(scenes.zone_plate(frequency), sampler, 4, 4, 8, dtype=jnp.float64) ** 2).sum()
-
-
-def mean(difficulty):
-    scene = scenes.genz("oscillatory", 2, difficulty, 0.2)
-    return qj.integrate(scene, sequences.sobol(2), 10_000, dtype=jnp.float64)
-
-
-WHOLE = {"render": (loss, 12.0), "integrate": (mean, 3.0)}
-
-
-@some("case", WHOLE, "integrate")
-def test_render_and_integrate_have_forward_and_second_derivatives(case):
-    """Against differences of the function, and of its gradient."""
-    function, at = case
-    with jax.enable_x64(True):
-        f, h = jnp.float64(at), 1e-5
-        value = jax.jit(function)
-        slope = (value(f + h) - value(f - h)) / (2 * h)
-        forward = jax.jit(jax.jacfwd(function))(f)
-        assert float(forward) == pytest.approx(float(slope), rel=1e-6)
-        gradient = jax.jit(jax.grad(function))
-        assert float(gradient(f)) == pytest.approx(float(forward), rel=1e-12)
-        bend = (gradient(f + h) - gradient(f - h)) / (2 * h)
-        assert float(jax.jit(jax.hessian(function))(f)) == pytest.approx(float(bend), rel=1e-6)
-
-
-@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd, jax.hessian])
-def test_edges_refuse_all_plain_derivatives(derivative):
-    def area(radius):
-        return qj.render(scenes.disc((0.5, 0.5), radius), SAMPLER, 4, 4, 4).sum()
-
-    with pytest.raises(ValueError, match=r"Disc\.radius moves an edge"):
-        derivative(area)(jnp.float32(0.3))
 
 
 @pytest.mark.slow

@@ -37,9 +37,8 @@ def exact(data, scene):
     side = data["side"]
     if "levels" in scene:
         return planes(data, scene["levels"], 3).reshape(side, side) / data["levels"]
-    columns, rows = (
-        np.frombuffer(data["blob"][slice(*scene[name])]).reshape(-1, side) for name in ("columns", "rows")
-    )
+    parts = (data["blob"][slice(*scene[name])] for name in ("columns", "rows"))
+    columns, rows = (np.frombuffer(part).reshape(-1, side) for part in parts)
     return columns.T @ rows
 
 

@@ -53,8 +53,6 @@ def make(quality, progress):
 
 
 class Project:
-    command = COMMAND
-
     def __init__(self, folder, **modules):
         self.folder = folder
         self.out = folder / "out"
@@ -74,15 +72,9 @@ class Project:
         more = () if "--jobs" in arguments else ("--jobs", "1")
         more += () if "XDG_CACHE_HOME" in environment else ("--no-cache",)
         environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
-        return subprocess.Popen(
-            [sys.executable, "-c", self.command, *arguments, *more],
-            cwd=self.folder,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=stderr,
-            text=True,
-            start_new_session=True,
-        )
+        command = [sys.executable, "-c", COMMAND, *arguments, *more]
+        how = {"cwd": self.folder, "env": environment, "text": True, "start_new_session": True}
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=stderr, **how)
 
     def run(self, *arguments, **environment):
         process = self.start(*arguments, **environment)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from figures.thesis.chapter_3 import approximations
+from figures._errors import rms
+from figures.thesis.chapter_3 import approximations, eulerian
 
 AXIS = (np.arange(96) + 0.5) / 96
 PLACES = AXIS + 1j * AXIS[:, None]
@@ -25,9 +26,7 @@ def image(scene, way):
     return found.reshape(96, 96, 3)[..., 0]
 
 
-@pytest.mark.parametrize(
-    "way", ["convolved", pytest.param("swept", marks=SLOW), pytest.param("exact", marks=SLOW)]
-)
+@pytest.mark.parametrize("way", ["convolved", *(pytest.param(way, marks=SLOW) for way in ("swept", "exact"))])
 def test_one_black_square_covers_pixels_as_long_as_it_is_there(way, monkeypatch):
     """It enters and leaves each place at known times; its edges at half time are between rays."""
     monkeypatch.setattr(approximations, "EDGE", 0.25)
@@ -52,13 +51,6 @@ def test_what_is_seen_is_the_square_in_front():
         np.testing.assert_array_equal(approximations.take_frame(scene, places, seen, time)[1], expected)
 
 
-@SLOW
-def test_clamped_shading_is_exact_where_shading_is_constant():
-    found, _ = approximations.blur(approximations.make_scene(approximations.CROSSING, 1))
-    clamped, exact = found[approximations.CLAMPED], found[approximations.EXACT]
-    np.testing.assert_allclose(clamped, exact, atol=1e-12)
-
-
 def test_clamped_shading_is_that_of_both_ends_of_the_shutter():
     scene = approximations.make_scene(approximations.HIGHLIGHT, 2)
     inside = 0.1 + 0.14j - scene.velocity[0] * np.array([0, 0.25, 1, 0.6])[:, None]
@@ -67,6 +59,23 @@ def test_clamped_shading_is_that_of_both_ends_of_the_shutter():
     time = np.linspace(0, 1, 4)[:, None]
     expected = (1 - time[..., None]) * opened + time[..., None] * closed
     np.testing.assert_allclose(scene.clamp(0, inside, time), expected, atol=1e-12)
+
+
+def test_convolution_gets_expensive_with_many_objects(monkeypatch):
+    """Sect. 3.3.3: eight times as many that cover as much read more than four times as many numbers."""
+    random, read, one = np.random.default_rng(1), [], approximations.convolve1d
+
+    def counted(part, box, *rest, **how):
+        read[-1] += part.size * len(box)
+        return one(part, box, *rest, **how)
+
+    monkeypatch.setattr(approximations, "convolve1d", counted)
+    for count in (8, 64):
+        number = random.integers(-1, count, (48, 48))
+        velocity = np.append(np.where(np.arange(count) % 2, 0.2j, 0.2), 0)
+        read.append(0)
+        approximations.convolve(random.random((48, 48, 3)), number, velocity)
+    assert read[1] > 4 * read[0]
 
 
 def blobs(shift):
@@ -85,3 +94,36 @@ def test_the_flow_of_a_translation_is_the_translation():
         np.testing.assert_allclose(flow - wanted[:, None, None], 0, atol=0.15)
     predicted = approximations.predict(np.repeat(frames[..., None], 3, axis=-1), flows, 0.25)
     np.testing.assert_allclose(predicted[..., 0], blobs(shift / 4), atol=0.01)
+
+
+LINE = (np.arange(250) + 0.5) / 125 - 1
+POINTS = LINE + 1j * LINE[:, None]
+PUFF = np.array([0.1 + 0.6j])
+
+
+@pytest.mark.parametrize("flow", eulerian.FLOWS)
+def test_smoke_is_traced_back_along_the_flow(flow):
+    """Places obey dz/dt = v(z): by many steps of the midpoint rule."""
+    place, steps = POINTS[::16, ::16].copy(), 200
+    for _ in range(steps):
+        middle = place - 0.5 / steps * eulerian.velocity(flow, place)
+        place -= eulerian.velocity(flow, middle) / steps
+    np.testing.assert_allclose(eulerian.trace_back(flow, POINTS[::16, ::16], 1.0), place, atol=1e-5)
+
+
+def test_the_error_of_interpolation_is_that_of_disjoint_gaussians(monkeypatch):
+    """The squares of 1, -1/2 and -1/2 times puffs that do not overlap add up to 3/2."""
+    monkeypatch.setattr(eulerian, "TURN", 2.4)
+    exact = eulerian.density(PUFF, eulerian.trace_back("rotation", POINTS, 0.5))
+    found = eulerian.estimates("rotation", PUFF, 256, POINTS, 0.5)["interpolated"]
+    assert rms(found - exact) / rms(exact) == pytest.approx(np.sqrt(1.5), rel=5e-3)
+
+
+def test_advection_along_a_shear_is_exact_but_for_the_grid():
+    """Nothing accelerates: only the curvature of density and velocity between cells is lost, order 2."""
+    errors = []
+    for cells in (64, 128, 256):
+        exact = eulerian.density(PUFF, eulerian.trace_back("shear", POINTS, 0.7))
+        errors.append(rms(eulerian.estimates("shear", PUFF, cells, POINTS, 0.7)["advected"] - exact))
+    assert errors[0] < 0.01
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 4, rtol=0.1)

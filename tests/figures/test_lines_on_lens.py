@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import qmcjax as qj
-from figures.thesis.chapter_3.lines_on_lens import LensLine, diameters, sheared
+from figures._errors import rms
+from figures.thesis.chapter_3.lines_on_lens import LensLine, diameters
 from qmcjax import samplers, sequences, tracing
-from qmcjax.tracing import motion
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -28,9 +28,7 @@ def test_lines_integrate_polynomials_over_the_disc(count):
     points = lines[:, :1] * (1 - part[:, None]) + lines[:, 1:] * part[:, None]
     angle = 2 * np.pi * np.arange(256) / 256
     for degree in range(2 * count + 1):
-        found = [
-            float(np.mean(f @ (weight * density))) for f in powers(points[..., 0], points[..., 1], degree)
-        ]
+        found = [np.mean(f @ (weight * density)) for f in powers(points[..., 0], points[..., 1], degree)]
         # r dr 2 over the disc is 2 / (degree + 2), times the mean round the circle.
         exact = [2 / (degree + 2) * np.mean(f) for f in powers(np.cos(angle), np.sin(angle), degree)]
         wrong = np.max(np.abs(np.array(found) - exact))
@@ -41,63 +39,9 @@ def test_lines_integrate_polynomials_over_the_disc(count):
     assert abs(even - 1 / 3) < 1e-12  # of the disc: 1 / 2
 
 
-def crowd(key):
-    """Return a world of all that lines can see, and a light with an extent."""
-    rng = np.random.default_rng(key)
-
-    def places(count):
-        return rng.uniform([-1, -1, -4], [1, 1, -0.5], size=(count, 3))
-
-    corners = places(12)[:, None] + rng.normal(scale=0.3, size=(12, 3, 3))
-    turned = motion.affine(np.linalg.qr(rng.normal(size=(3, 3)))[0], [0.1, 0.2, -4.0])
-    low = places(3)
-    objects = [
-        tracing.triangles(corners),
-        tracing.rectangle(places(2), [0.5, 0.1, 0], [0, 0.4, 0.2]),
-        tracing.box(low, low + 0.3),
-        tracing.triangles(corners[:4], motion=turned),
-    ]
-    return tracing.world(
-        objects, [tracing.rectangle_light([-1, 0.5, -3], [2, 0, 0], [0, 0.2, 1], radiance=1.0)]
-    )
-
-
-@pytest.mark.slow
-def test_sheared_worlds_show_the_middle_what_points_of_the_lens_see():
-    """The same primitives at the same depths; intervals say so, too."""
-    with jax.enable_x64(True):
-        rng = np.random.default_rng(1)
-        world = crowd(2)
-        camera = tracing.camera([0.2, 0.1, 0], [0, 0, -1], aperture=0.3, focus=1.5)
-        line = rng.uniform(-0.7, 0.7, size=(2, 2))
-        x, y, place = (jnp.asarray(a) for a in rng.uniform(size=(3, 2000)))
-        view = camera.view(x, y)
-        origin = jnp.broadcast_to(jnp.stack(view.origin), (2000, 3))
-        seen = jnp.stack(view.seen, axis=-1)
-        moving = sheared(world, camera, line, x[0])
-        assert moving.count == world.count
-        across = line[0][:, None] + np.asarray(place) * (line[1] - line[0])[:, None]
-        right, upward = (jnp.stack(axis) for axis in (view.right, view.upward))
-        moved = 0.3 * (across[0][:, None] * right[None] + across[1][:, None] * upward[None])
-        exact = tracing.nearest_hit(world, origin + moved, seen - moved / 1.5)
-        found = tracing.nearest_hit(moving, origin, seen, place)
-        assert np.mean(exact.shape >= 0) > 0.3
-        np.testing.assert_array_equal(found.shape, exact.shape)
-        assert set(np.unique(exact.shape)) >= {-1, world.count - 1}
-        np.testing.assert_allclose(found.distance, exact.distance, rtol=1e-12)
-        intervals = tracing.visible_intervals(moving, origin, seen, 24)
-        here = (intervals.start <= place[:, None]) & (place[:, None] < intervals.end)
-        shape = jnp.where(here.any(axis=1), jnp.max(jnp.where(here, intervals.shape, -1), axis=1), -1)
-        np.testing.assert_array_equal(shape, exact.shape)
-
-
 WALL = tracing.rectangle([0, -4, -2], [4, 0, 0], [0, 8, 0], material=tracing.emitter(1.0))
-BARS = tracing.rectangle(
-    np.stack([np.linspace(-1, 0.8, 6), np.full(6, -4.0), np.full(6, -2.0)], axis=-1),
-    [0.2, 0, 0],
-    [0, 8, 0],
-    material=tracing.emitter(1.0),
-)
+LEFT = np.stack([np.linspace(-1, 0.8, 6), np.full(6, -4.0), np.full(6, -2.0)], axis=-1)
+BARS = tracing.rectangle(LEFT, [0.2, 0, 0], [0, 8, 0], material=tracing.emitter(1.0))
 
 
 def of_lines(shape, count, points, redistributed=True, intervals=16):
@@ -162,11 +106,8 @@ def test_lines_converge_to_samples_of_the_lens():
     reference, noise = references.mean(axis=0), references.std(axis=0, ddof=1) / np.sqrt(4)
     lines = diameters(32)
     images = np.stack([image(LensLine(scene, line, True, 6), 16, k) for k, line in enumerate(lines)])
-    errors = {
-        count: np.sqrt(np.mean((images[:: 32 // count].mean(axis=0) - reference) ** 2))
-        for count in (2, 8, 32)
-    }
+    errors = {count: rms(images[:: 32 // count].mean(axis=0) - reference) for count in (2, 8, 32)}
     assert errors[2] > 1.5 * errors[8] > 1.5 * errors[32]
-    assert errors[32] < 5 * np.sqrt(np.mean(noise**2)) + 2e-3
+    assert errors[32] < 5 * rms(noise) + 2e-3
     even = [image(LensLine(scene, line, False, 6), 16, 1) for line in lines[::4]]
-    assert np.sqrt(np.mean((np.mean(even, axis=0) - reference) ** 2)) > 2 * errors[8]
+    assert rms(np.mean(even, axis=0) - reference) > 2 * errors[8]

@@ -87,9 +87,8 @@ def test_without_shared_memory_figures_are_made_here(tmp_path, monkeypatch, caps
 @pytest.mark.skipif(sys.platform != "linux", reason="workers are forked on Linux only")
 def test_workers_of_the_projects_figures_are_forked_from_a_process_without_a_backend():
     tasks = [Task(name, CATALOGUE[name].module, "draft") for name in ("z-2", "thesis-5.2")]
-    methods = [
-        workers._context(each).get_start_method() for each in (tasks, [*tasks, Task("b", "fakes.b", "draft")])
-    ]
+    others = [*tasks, Task("b", "fakes.b", "draft")]
+    methods = [workers._context(each).get_start_method() for each in (tasks, others)]
     assert methods == ["forkserver", "spawn"]
     code = "\n".join(f"import {name}" for name in (*workers.PRELOADED, "jax._src.xla_bridge"))
     subprocess.run([sys.executable, "-c", f"{code}\nassert not jax._src.xla_bridge._backends"], check=True)
@@ -151,8 +150,9 @@ def test_what_the_environment_says_stays(monkeypatch, unset, tmp_path):
     assert os.environ[compiled_programs.FOLDER] == str(place) and place.is_dir()
     assert place.stat().st_mode & 0o077 == 0, "others could place programs there"
 
-    slow, quick = "--xla_backend_optimization_level=3", compiled_programs.QUICK[0]
-    for version, before, after in (("0.10.2", slow, [slow, quick]), ("0.11.0", "", [])):
+    slow = "--xla_backend_optimization_level=3"
+    quick = [flag for flag in compiled_programs.QUICK if "level" not in flag]
+    for version, before, after in (("0.10.2", slow, [slow, *quick]), ("0.11.0", "", [])):
         monkeypatch.setattr(compiled_programs.importlib.metadata, "version", lambda name, now=version: now)
         monkeypatch.setenv("XLA_FLAGS", before)
         compiled_programs.quickly()
@@ -171,9 +171,7 @@ def test_without_a_place_all_goes_on(monkeypatch, unset, tmp_path):
     monkeypatch.setattr(compiled_programs, "place", nowhere)
     compiled_programs.keep(told.append)
     assert compiled_programs.FOLDER not in os.environ
-    assert all(
-        text.startswith("compiled programs cannot be kept, and the next run compiles") for text in told
-    )
+    assert all(text.startswith("compiled programs cannot be kept, and the next run") for text in told)
     assert "Not a directory" in told[0] and "home" in told[1]
 
 
@@ -415,7 +413,6 @@ test_numbers_that_are_not_as_they_should_be_are_named = refused(
     ({"a": {"b": (0, -float("inf"))}}, r"numbers\['a'\]\['b'\]\[1\] must be finite, got -inf"),
     ({"a": {2: 1}}, r"the keys of numbers\['a'\] must be strings, got 2"),
     ({"a": {1}}, r"numbers\['a'\] must be a plain Python value, got \{1\} of type set"),
-    ({"a": 1j}, r"of type complex"),
     ({"measured": 1, "found": 2}, r"the parts of numbers must be among measured, .*, got 'found'"),
     ({"printed": {"m": [1, {"it holds": True}]}}, r"numbers\['printed'\] must have what the paper prints"),
     ({"claims": ["it holds"]}, r"numbers\['claims'\] must be a dict, got \['it holds'\]"),

@@ -21,18 +21,6 @@ def affine(rotation, scale, translation):
     return found
 
 
-def test_commuting_maps_are_blended_in_closed_form():
-    """Turns about one axis with scales: angles linear, scales geometric; translations alone: linear."""
-    start, end = (affine(Rotation.from_rotvec([0, 0, a]), s, 0) for a, s in ((0.3, 2.0), (2.8, 0.5)))
-    angles = 0.3 + 2.5 * TIMES
-    expected = [
-        affine(Rotation.from_rotvec([0, 0, a]), 2 * 4**-t, 0) for a, t in zip(angles, TIMES, strict=True)
-    ]
-    np.testing.assert_allclose(ours.blend(start, end, TIMES), expected, atol=1e-12)
-    moved = [affine(Rotation.identity(), 1, by) for by in ([1, 2, 3], [3, -2, 0])]
-    np.testing.assert_allclose(ours.blend(*moved, TIMES)[:, :3, 3], np.linspace([1, 2, 3], [3, -2, 0], 9))
-
-
 def test_alexas_multiples_are_meaningful_and_sums_commute():
     """Half of a map, twice, is the map; half-way there is half-way back; ends and volumes are exact."""
     random = np.random.default_rng(5)

@@ -11,16 +11,15 @@ import analysis
 import qmcjax as qj
 from analysis import trees
 from figures._errors import rms
-from figures.shared import judged
+from figures.shared import judged, meshes
 from figures.shared.rendered import diffusion, scene_images
-from figures.thesis.chapter_5 import direction_numbers
-from qmcjax import orders, samplers, scenes, sequences
+from figures.thesis.chapter_4 import moving_trees
+from qmcjax import orders, samplers, scenes, sequences, tracing
 
 
 def grid(side):
     """Return columns and rows of all pixels, uint32 (side, side)."""
-    y, x = np.mgrid[:side, :side].astype(np.uint32)
-    return jnp.asarray(x), jnp.asarray(y)
+    return jnp.asarray(np.mgrid[:side, :side].astype(np.uint32))[::-1]
 
 
 def spectrum(image):
@@ -41,9 +40,7 @@ def test_shifts_by_a_mask_change_what_a_filter_leaves_and_not_the_error():
         alone = samplers.independent(lattice, key, "shift")
         for name, sampler in {"mask": samplers.dither(placed, lattice), "random": alone}.items():
             image = np.asarray(sampler(*grid(64), jnp.uint32(0), dims=(0, 1))).prod(axis=-1)
-            errors[name].append(
-                (np.sqrt(np.mean((image - exact) ** 2)), analysis.filtered_error(image, exact))
-            )
+            errors[name].append((rms(image - exact), analysis.filtered_error(image, exact)))
     ratio = np.mean(errors["mask"], axis=0) / np.mean(errors["random"], axis=0)
     assert ratio[0] == pytest.approx(1, abs=0.05) and ratio[1] < 0.3
 
@@ -51,10 +48,8 @@ def test_shifts_by_a_mask_change_what_a_filter_leaves_and_not_the_error():
 def test_phi_3_is_correlated_where_indices_differ_by_3():
     """Sect. 3.1: so are all whose difference is a multiple of 3, which share the leading digit: stripes."""
     index = np.asarray(orders.hilbert(64, 64).position(*grid(64))).astype(np.int64)
-    across, down = (
-        np.stack(pair, -1).reshape(-1, 2) for pair in ((index[:, 1:], index[:, :-1]), (index[1:], index[:-1]))
-    )
-    pairs = np.concatenate([across, down])
+    neighbours = (index[:, 1:], index[:, :-1]), (index[1:], index[:-1])
+    pairs = np.concatenate([np.stack(pair, -1).reshape(-1, 2) for pair in neighbours])
     phi = np.asarray(sequences.van_der_corput(3).points(64**2)[:, 0], np.float64)[pairs]
     difference = np.abs(pairs[:, 0] - pairs[:, 1])
     first, second = phi[difference % 3 == 0].T
@@ -81,12 +76,9 @@ def test_iterations_take_multiples_of_the_curves_length():
 def test_permutations_improve_the_halton_sequence():
     """Sect. 3.1: Zaremba's permutation improves upon none, and Faure's upon Zaremba's; bases 17 and 19."""
     for n in (200, 500):
-        found = [
-            float(analysis.l2_star_discrepancy(sequences.halton(8, permutation).points(n)[:, 6:]))
-            for permutation in ("faure", "zaremba", None)
-        ]
-        assert found[0] < 0.5 * found[1]
-        assert found[1] < 0.95 * found[2]
+        points = [sequences.halton(8, way).points(n)[:, 6:] for way in ("faure", "zaremba", None)]
+        found = [float(analysis.l2_star_discrepancy(each)) for each in points]
+        assert found[0] < 0.5 * found[1] and found[1] < 0.95 * found[2]
 
 
 @pytest.mark.slow
@@ -134,14 +126,9 @@ def test_scrambling_the_index_suffices_along_the_morton_curve():
     x, y = grid(32)
     phi = sequences.van_der_corput(2)
     scrambled = sequences.owen(phi, 3)
-    upper = {
-        name: np.asarray(seq(order.position(x, y))[..., 0]) >= 0.5
-        for name, order, seq in (
-            ("none", orders.morton(32, 32), phi),
-            ("values", orders.morton(32, 32), scrambled),
-            ("index", orders.scrambled_morton(32, 32, key=3), phi),
-        )
-    }
+    plain, shuffled = orders.morton(32, 32), orders.scrambled_morton(32, 32, key=3)
+    ways = {"none": (plain, phi), "values": (plain, scrambled), "index": (shuffled, phi)}
+    upper = {k: np.asarray(seq(order.position(x, y))[..., 0]) >= 0.5 for k, (order, seq) in ways.items()}
     for name, expected in (("none", 32), ("values", 32), ("index", 0)):
         columns = upper[name].mean(axis=0)
         assert np.count_nonzero((columns == 0) | (columns == 1)) == expected, name
@@ -154,12 +141,10 @@ def test_repeated_randomisation_averages_out_artifacts():
     """Sect. 4.2: stripes and all fall with the root of the number of passes."""
     x, y = grid(16)
     order = orders.hilbert(16, 16)
-    passes = samplers.randomized(
-        lambda key: samplers.contiguous(order, sequences.owen(sequences.van_der_corput(2), key), 1), key=2
-    )
-    images = np.stack(
-        [np.asarray(passes.of_pass(k)(x, y, jnp.uint32(0), dims=(0,)))[..., 0] for k in range(128)]
-    )
+    phi = sequences.van_der_corput(2)
+    passes = samplers.randomized(lambda key: samplers.contiguous(order, sequences.owen(phi, key), 1), key=2)
+    drawn = [passes.of_pass(k)(x, y, jnp.uint32(0), dims=(0,)) for k in range(128)]
+    images = np.asarray(drawn)[..., 0]
     for image in images[:4]:
         assert spectrum(image)[:2].sum() > 20, "a checkerboard: white noise has 10 in its strongest waves"
     for count in (16, 128):
@@ -175,10 +160,8 @@ def test_correlated_samples_have_less_filtered_error_than_independent_ones(spp):
     for key in range(16):
         along = samplers.contiguous(curve, sequences.owen(sobol, key), spp)
         for sampler in (along, samplers.independent(sobol, key)):
-            image = analysis.pixel_means(
-                lambda p: p.prod(axis=-1, keepdims=True), sampler, 64, 64, spp, (0, 1)
-            )
-            errors.append(analysis.filtered_error(np.asarray(image[..., 0]), np.full((64, 64), 0.25)))
+            image = analysis.pixel_means(lambda p: p[..., 0] * p[..., 1], sampler, 64, 64, spp, (0, 1))
+            errors.append(analysis.filtered_error(np.asarray(image), np.full((64, 64), 0.25)))
     assert judged.smaller(errors[::2], errors[1::2], 0.8) is True
 
 
@@ -202,10 +185,8 @@ def test_two_indices_of_32_bits_suffice_for_shifts():
     x, y, sample = (jnp.asarray(np.array(n, np.uint32)) for n in ([0, 65535], [65535, 0], [2**32 - 1, 2**31]))
     position = order.position(x, y)
     assert int(position.max()) == 2**32 - 1
-    exact = (
-        np.asarray(lattice(sample, dtype=jnp.float64), np.float64)
-        + np.asarray(shifts(position, dtype=jnp.float64), np.float64)
-    ) % 1
+    parts = lattice(sample, dtype=jnp.float64), shifts(position, dtype=jnp.float64)
+    exact = np.asarray(parts, np.float64).sum(axis=0) % 1
     assert np.asarray(sampler(x, y, sample, dims=(0, 1))) == pytest.approx(exact, abs=1e-6)
 
 
@@ -222,21 +203,22 @@ def test_indices_along_the_hilbert_curve_need_neither_tables_nor_memory():
 # Z paper
 
 
-def test_equal_samples_in_all_pixels_have_positively_correlated_errors():
-    """Sect. 1: errors are alike in neighbours, and so are visible after a filter."""
-    scene, side, spp, lattice = scenes.soft_shadow(), 64, 4, sequences.lattice(4)
+@pytest.mark.parametrize("seq", [sequences.lattice(4), sequences.sobol(4)], ids=["lattice", "Sobol'"])
+def test_equal_samples_in_all_pixels_have_positively_correlated_errors(seq):
+    """Sect. 1, and thesis, Sect. 6.2: so are visible after a filter, and from afar. Rotated ones are not."""
+    scene, side, found = scenes.soft_shadow(), 64, {}
     exact, _ = scene.reference(side, side)
-    found = {}
     for name, sampler in {
-        "equal": samplers.dither(np.zeros((1, 1)), lattice),
-        "random": samplers.independent(lattice, 1, "shift"),
+        "equal": samplers.dither(np.zeros((1, 1)), seq),
+        "rotated": samplers.independent(seq, 1, "shift"),
     }.items():
-        image = np.asarray(qj.render(scene, sampler, side, side, spp))
+        image = np.asarray(qj.render(scene, sampler, side, side, 4))
         error = image - exact
         alike = np.corrcoef(error[:, 1:].ravel(), error[:, :-1].ravel())[0, 1]
-        found[name] = alike, analysis.filtered_error(image, exact)
-    assert abs(found["random"][0]) < 0.1 and found["equal"][0] > 0.5
-    assert found["equal"][1] > 2 * found["random"][1]
+        afar = analysis.perceived_error(image, exact, distance=16000)
+        found[name] = alike, analysis.filtered_error(image, exact), afar
+    assert abs(found["rotated"][0]) < 0.1 and found["equal"][0] > 0.5
+    assert min(np.divide(found["equal"], found["rotated"])[1:]) > 2
 
 
 def errors(sampler, dims, side=64):
@@ -267,25 +249,29 @@ def test_aliasing_is_more_evident_in_few_dimensions():
     assert shares[0] > 1.3 * shares[1] > 1.3**2 * shares[2] > 1.3**2 * shares[3]
 
 
+@pytest.mark.slow
+def test_aliasing_is_as_evident_with_simple_integrators():
+    """Sect. 5.1: by direct light, and by paths of one and four bounces, in the Cornell box; 16 keys."""
+    box = scenes.cornell_box(0.0, ball=False, mirror=False, blocks=True, light=0.5).estimator
+    shares = []
+    for scene in (box, *(tracing.path_tracing(box.world, box.camera, bounces) for bounces in (1, 4))):
+        sobol = sequences.sobol(len(scene.needs))
+        keyed = [samplers.full_screen(sequences.digital_shift(sobol, key), 64, 64) for key in range(16)]
+        exact = scene_images.image(scene, samplers.independent(sobol, 99), 64, 256)
+        errors = (scene_images.of_keys(scene, keyed, 64, 1) - exact).mean(axis=-1)
+        shares.append([spectrum(error)[:40].sum() / 4095 for error in errors])
+    assert judged.below(-np.array(shares[0]), -1.4 * 0.05) is True, "of white noise 1/20 are in 1 %"
+    assert all(judged.alike(shares[0], others, 1.05) is True for others in shares[1:])
+
+
 def test_other_sequences_are_diffused_along_the_scrambled_order():
     """Sect. 2: Halton points, a Weyl sequence and progressive multi-jittered samples."""
     side, exact = 64, np.full((64, 64), 0.25)
     order = orders.scrambled_morton(side, side, key=1)
-    found = {
-        name: analysis.low_frequency_power(
-            np.asarray(samplers.contiguous(order, sequence, 1)(*grid(side), jnp.uint32(0), dims=(0, 1))).prod(
-                -1
-            ),
-            exact,
-        )
-        for name, sequence in {
-            "Sobol'": sequences.sobol(2),
-            "Halton": sequences.halton(2),
-            "Weyl": sequences.kronecker([0.618034, 0.414214]),
-            "pmj02": sequences.pmj02(side**2, key=1),
-        }.items()
-    }
-    assert max(found.values()) < 0.25, found
+    weyl, jittered = sequences.kronecker([0.618034, 0.414214]), sequences.pmj02(side**2, key=1)
+    for sequence in (sequences.sobol(2), sequences.halton(2), weyl, jittered):
+        points = samplers.contiguous(order, sequence, 1)(*grid(side), jnp.uint32(0), dims=(0, 1))
+        assert analysis.low_frequency_power(np.asarray(points).prod(axis=-1), exact) < 0.25, sequence
 
 
 def test_without_orders_of_samples_pairs_of_dimensions_are_correlated():
@@ -294,11 +280,9 @@ def test_without_orders_of_samples_pairs_of_dimensions_are_correlated():
     x, y = (each[..., None] for each in grid(side))
     sample = jnp.arange(spp, dtype=jnp.uint32)
     whole = np.asarray(samplers.z(side, side, spp, key=1, dims=4)(x, y, sample, dims=(0, 2)))
-    pixels = [
-        samplers.contiguous(orders.scrambled_morton(side, side, key=key), sequences.sobol(2), spp)
-        for key in (1, 2)
-    ]
-    parts = np.stack([np.asarray(each(x, y, sample, dims=(0,)))[..., 0] for each in pixels], -1)
+    curves = [orders.scrambled_morton(side, side, key=key) for key in (1, 2)]
+    pixels = [samplers.contiguous(curve, sequences.sobol(2), spp) for curve in curves]
+    parts = np.concatenate([np.asarray(each(x, y, sample, dims=(0,))) for each in pixels], -1)
     errors = [np.sqrt(np.mean((points - 0.5).prod(-1).mean(-1) ** 2)) for points in (whole, parts)]
     assert errors[1] > 3 * errors[0], errors
 
@@ -315,38 +299,7 @@ def test_the_printed_hash_repeats_itself_in_dimension_d_plus_3():
         assert np.array_equal(digits(node, dim), digits(node ^ reverse, dim + 3))
 
 
-def test_samples_of_siblings_differ_by_sixteenths_at_8():
-    """Appendix A prints eighths. They are odd multiples of 1/16, of any two samples, in both axes."""
-    sampler = samplers.z(8, 8, 8, key=1)
-    x, y = grid(8)
-    sample = jnp.arange(8, dtype=jnp.uint32)
-    points = np.asarray(sampler(x[..., None], y[..., None], sample, dims=(0, 1)), np.float64)
-    words = (points[..., 0] * 2**9).astype(int)
-    block = np.array([int(format(word, "09b")[::-1], 2) for word in words[..., 0].ravel()]) // 8
-    of_place = points.reshape(64, 8, 2)[np.argsort(block)].reshape(32, 2, 8, 2)
-    apart = 16 * (of_place[:, 0, :, None] - of_place[:, 1, None])
-    assert np.all(np.round(apart) % 2 == 1) and np.all(apart == np.round(apart))
-
-
 # Thesis
-
-
-@pytest.mark.parametrize("seq", [sequences.lattice(3), sequences.sobol(3)], ids=["lattice", "Sobol'"])
-def test_deterministic_samplers_need_a_rotation(seq):
-    """Sect. 6.2: the same samples in all pixels correlate errors of neighbours, which show from afar."""
-    side, spp = 64, 4
-    x, y = grid(side)
-    place = (np.asarray(x) + 0.5 * np.asarray(y)) / (1.5 * side)
-    sample = jnp.arange(spp, dtype=jnp.uint32)
-    rotated = samplers.independent(seq, 1, "shift")(x[..., None], y[..., None], sample, dims=(2,))[..., 0]
-    same = np.asarray(seq(sample)[:, 2]) + 0.5 / spp
-    found = {}
-    for name, times in (("rotated", np.asarray(rotated)), ("same", same)):
-        edge = (times < place[..., None]).mean(axis=-1)
-        neighbours = np.corrcoef((edge - place)[:, :-1].ravel(), (edge - place)[:, 1:].ravel())[0, 1]
-        found[name] = neighbours, analysis.perceived_error(edge, place, distance=16000)
-    assert abs(found["rotated"][0]) < 0.1 and found["same"][0] > 0.7
-    assert found["same"][1] > 2 * found["rotated"][1]
 
 
 def test_refitted_trees_suit_motions_that_keep_their_hierarchy():
@@ -358,9 +311,8 @@ def test_refitted_trees_suit_motions_that_keep_their_hierarchy():
 
     def degraded(moved):
         box = moved - 0.01, moved + 0.01
-        return trees.summed_area(trees.refitted(tree, *box)) / trees.summed_area(
-            trees.surface_area_tree(*box)
-        )
+        refitted, anew = trees.refitted(tree, *box), trees.surface_area_tree(*box)
+        return trees.summed_area(refitted) / trees.summed_area(anew)
 
     assert degraded(3 * centre + 1) == pytest.approx(1, abs=0.01) and degraded(centre @ turn) < 1.3
     random = [degraded(centre + 0.02 * step * paths) for step in range(0, 9, 2)]
@@ -375,27 +327,9 @@ def test_a_shift_by_any_offset_moves_points_between_pixels():
         assert (len(np.unique(cells @ [1, 16])) == 256) == full
 
 
-def test_both_sides_of_figure_5_4_have_the_same_primitive_polynomials():
-    """Fig. 5.4: powers of x modulo a primitive polynomial of degree s first return to 1 at 2**s - 1."""
-    ones = sequences.direction_numbers(sequences.digital(direction_numbers._ones()))
-    chosen = sequences.direction_numbers(sequences.sobol(direction_numbers.COMPONENTS))
-    assert {number for _, initial in ones for number in initial} == {1}
-    assert [polynomial for polynomial, _ in ones] == [polynomial for polynomial, _ in chosen]
-    for polynomial, initial in ones:
-        power, order = 1, 0
-        while order == 0 or power != 1:
-            power <<= 1
-            power ^= polynomial * (power >> len(initial))
-            order += 1
-        assert order == 2 ** len(initial) - 1, bin(polynomial)
-
-
 @pytest.mark.slow
 def test_property_a_holds_for_1111_dimensions():
-    """Sect. 5.2.1: the leading digits of the direction numbers have minors of 1, by elimination in order.
-
-    Modulo 2, they follow the recurrence alone. With all initial numbers 1 it ends after 5 dimensions.
-    """
+    """Sect. 5.2.1: the leading digits of the direction numbers have minors of 1, by elimination in order."""
     chosen = sequences.direction_numbers(sequences.sobol(1111))
     assert _dims_of_property_a(chosen) == 1111
     assert _dims_of_property_a([(polynomial, [1] * len(initial)) for polynomial, initial in chosen]) == 5
@@ -445,3 +379,71 @@ def test_no_net_of_matrices_has_the_distance_of_a_permutation_net():
             least = np.minimum(least, (step**2 + np.minimum(apart, 32 - apart) ** 2).min(axis=1))
         largest = max(largest, least.max())
     assert largest == 29
+
+
+def test_equation_6_1_is_an_image():
+    """Not as printed, (1 + 1600 sin(x^2 + y^2)) / 2: that leaves [0, 1] by far, and goes once up and down."""
+    x, y = np.meshgrid(np.linspace(0, 1, 101), np.linspace(0, 1, 101))
+    printed = (1 + 1600 * np.sin(x**2 + y**2)) / 2
+    assert printed.max() > 800
+    assert np.all(np.diff(np.diag(printed)[: int(100 * (np.pi / 4) ** 0.5)]) > 0)
+    points = np.stack([x, y], axis=-1).astype(np.float32)
+    image = np.asarray(scenes.zone_plate()(points))
+    assert 0 <= image.min() < 0.01 and 0.99 < image.max() <= 1
+
+
+def test_whole_subtrees_can_be_reused_between_subsequent_frames():
+    """Sect. 4.2.2: more than half of the nodes hold the same triangles in trees built anew, after 1/16."""
+
+    def nodes(triangles):
+        tree = trees.surface_area_tree(*meshes.corners(triangles))
+        found = [frozenset([k]) for k in range(tree.size)]
+        for one, other in tree.children:
+            found.append(found[one] | found[other])
+        return set(found[tree.size :])
+
+    for made in moving_trees.SCENES.values():
+        moving = made["draft"]()
+        opened, first = moving.triangles[:2]
+        later = opened + (first - opened) / (16 * moving.times[1])
+        jumps = np.random.default_rng(1).normal(size=(len(opened), 1, 3))
+        before, count = nodes(opened), len(opened) - 1
+        assert len(before & nodes(later)) > 0.5 * count
+        assert len(before & nodes(opened + jumps)) < 0.1 * count, "of arbitrary motion"
+
+
+def test_motion_in_place_of_the_cameras_enlarges_boxes():
+    """Sect. 3.2.1: boxes of still triangles that move against a camera which pans or tilts, by degrees."""
+    mesh = meshes.made("rooms, tessellated", "draft")
+    way = mesh.triangles - np.asarray(mesh.eye)
+    for axes in ([0, 2], [1, 2]):
+        areas = []
+        for degrees in (0, 1, 5):
+            moved = np.repeat(way[None], 9, axis=0)
+            angles = np.radians(np.linspace(0, degrees, 9))[:, None, None]
+            turned = way[..., axes] @ [1, 1j] * np.exp(1j * angles)
+            moved[..., axes] = np.stack([turned.real, turned.imag], axis=-1)
+            low, high = moved.min(axis=(0, 2)), moved.max(axis=(0, 2))
+            areas.append(trees.summed_area(trees.surface_area_tree(low, high)))
+        assert areas[1] > 1.1 * areas[0] and areas[2] > 1.5 * areas[0], areas
+
+
+def test_errors_of_rotated_lattices_are_largest_along_their_diagonals():
+    """Fig. 6.1: edges through pixels, by angle, each with a rotation of its own; 64 points."""
+    lattice = np.asarray(sequences.rank1_lattice(64).points(64), np.float64)
+    steps = np.round(64 * lattice[1:]).astype(int)
+    steps = (steps + 32) % 64 - 32
+    shortest = steps[np.argsort((steps**2).sum(axis=1))[:6:2]]  # each is there with its negative
+    diagonals = np.degrees(np.arctan2(*shortest.T[::-1])) % 180
+    rng, angles = np.random.default_rng(1), np.arange(0, 180, 3)
+    across = np.stack([-np.sin(np.radians(angles)), np.cos(np.radians(angles))])
+    fine = (np.indices((256, 256)).reshape(2, -1).T + 0.5) / 256 - 0.5
+    exact = [np.sort(fine @ normal) for normal in across.T]
+    squares = np.zeros(len(angles))
+    for _ in range(256):
+        place, depth = (lattice + rng.random(2)) % 1 - 0.5, rng.uniform(-0.35, 0.35)
+        wanted = [np.searchsorted(of, depth) / len(fine) for of in exact]
+        squares += ((place @ across < depth).mean(axis=0) - wanted) ** 2
+    worst = angles[np.argsort(squares)[-3:]]
+    assert abs(np.sort(worst) - np.sort(diagonals)).max() < 3, (worst, diagonals)
+    assert squares[np.isin(angles, worst)].min() > 2 * np.median(squares)

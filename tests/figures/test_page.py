@@ -1,11 +1,8 @@
 """The pages beside the figures, of numbers that are made up: what they say, escape, lack or find damaged."""
 
-import itertools
 import json
-import re
 import struct
 from html.parser import HTMLParser
-from pathlib import Path
 
 import pytest
 
@@ -13,9 +10,7 @@ from figures import ledger, page
 from figures.catalogue import CATALOGUE, NO_DRAFT, PAPERS, Entry
 from figures.ledger import Claim, _ledger
 from figures.page import _html, _write
-from figures.page._ledger import VERDICTS
 
-ROOT = Path(__file__).parents[2]
 VOID = {"meta", "link", "img", "input", "br"}
 NASTY = "a < b && c > \"d\" 'e' </script><script>alert(1)</script> ${x} $name \u2028"
 
@@ -51,13 +46,13 @@ class Parsed(HTMLParser):
         for element in self.open:
             element["text"] += data
 
+    def texts(self, tag, part=""):
+        return [each["text"] for each in self.all(tag, part)]
+
     def all(self, tag, part=""):
         """Return the elements of a kind one of whose classes is ``part``, or all of them."""
-        return [
-            each
-            for each in self.elements
-            if each["tag"] == tag and (not part or part in (each.get("class") or "").split())
-        ]
+        of_tag = [each for each in self.elements if each["tag"] == tag]
+        return [each for each in of_tag if not part or part in (each.get("class") or "").split()]
 
 
 def entry(**parts):
@@ -71,11 +66,8 @@ def png(path, width=4, height=3):
     path.write_bytes(b"\x89PNG\r\n\x1a\n" + struct.pack(">I4sII", 13, b"IHDR", width, height) + b"rest")
 
 
-TITLES = {
-    "z-9": Entry("m", "Noise & <spectra>", our_scene=True),
-    "z-2": Entry("m", "Order"),
-    "own": Entry("m", "Our own"),
-}
+TITLES = {"z-9": Entry("m", "Noise & <spectra>", our_scene=True)}
+TITLES |= {"z-2": Entry("m", "Order"), "own": Entry("m", "Our own")}
 CLAIMS = (
     Claim("z", "Fig. 1", "x < y & z", "z-9", "true", measured="<i>{measured[side]}</i>", why="5 > 4"),
     Claim("z", "Fig. 1", "no", "z-9", "false"),
@@ -118,7 +110,7 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
     text = written(folder, "z")
     parsed = Parsed(text)
     assert len(parsed.all("script")) == text.count("<script") == 2, "none that a text brought in"
-    assert [each["text"] for each in parsed.all("h3")] == ["Order", "Noise & <spectra>"]
+    assert parsed.texts("h3") == ["Order", "Noise & <spectra>"]
     items = Parsed(numbers(folder)["z-9"]["claims"]).all("li")
     claims = next(each["text"] for each in items if "x < y" in each["text"])
     for part in ("✓ reproduced", "x < y & z", "<i>64</i>", "5 > 4"):
@@ -126,20 +118,13 @@ def test_what_is_in_the_folder_is_shown_and_nothing_of_it_is_markup(folder):
     trees = [json.loads(each["text"]) for each in parsed.all("script") if each.get("type")]
     assert [tree["items"][1]["name"] for tree in trees] == [NASTY]
     of = {name: found for name, found in numbers(folder).items() if "note" in found}
-    assert (
-        {NASTY}
-        == {of[name]["note"] for name in of}
-        == {of[name]["numbers"]["measured"]["a"][1]["b"] for name in of}
-    )
+    assert {NASTY} == {each["note"] for each in of.values()}
+    assert {NASTY} == {each["numbers"]["measured"]["a"][1]["b"] for each in of.values()}
     assert of["z-9"]["facts"] == {
-        "Command": "qmcjax z-9",
-        "Quality": "draft",
-        "Time": "1.5 s",
-        "Images": "4 x 3 pixels at 4 samples per pixel",
-        "Side": "64",
-        "Machine": "Abacus, 2 cores, JAX 9.9",
-        "Made": "2020-02-02",
-    }
+        "Command": "qmcjax z-9", "Quality": "draft", "Time": "1.5 s",
+        "Images": "4 x 3 pixels at 4 samples per pixel", "Side": "64",
+        "Machine": "Abacus, 2 cores, JAX 9.9", "Made": "2020-02-02",
+    }  # fmt: skip
     assert "table" not in of["own"]["numbers"]
 
 
@@ -147,20 +132,16 @@ def test_links_between_pages_images_and_names_of_places_hold(folder):
     """All lead somewhere, all pictures say in words what they are, and no place has two names."""
     pages = {f"{name}.html": Parsed(written(folder, name)) for name in _html.PAGES}
     (folder / "own.csv").touch()
-    places = {
-        file: [each["id"] for each in parsed.elements if "id" in each] for file, parsed in pages.items()
-    }
+    places = {file: [each["id"] for each in of.elements if "id" in each] for file, of in pages.items()}
     for file, parsed in pages.items():
         assert len(places[file]) == len(set(places[file]))
         for link in parsed.all("a"):
             target, _, place = link["href"].partition("#")
             target = target or file
-            if target == "ledger.html" and place != "questions":
-                assert set(place.split(",")) <= {"", "top", *VERDICTS, *ledger.PAPERS}, link["href"]
-            elif target in pages:
+            if target in pages:
                 assert not place or place in places[target] or link["href"] == _html.href("spp-slider")
             else:
-                others = ("docs/index.html", *(f"https://doi.org/{paper.doi}" for paper in PAPERS.values()))
+                others = [f"https://doi.org/{paper.doi}" for paper in PAPERS.values()]
                 assert (folder / target).is_file() or target in others, link["href"]
         assert {f"{name}.html" for name in _html.PAGES} <= {link["href"] for link in parsed.all("a")}
     images = [each for parsed in pages.values() for each in parsed.all("img")]
@@ -177,21 +158,22 @@ def test_counts_are_those_of_the_rows(folder):
     assert rows == ["differs", "reproduced", "depends", "by-test", "untested"]
     assert "1 more are of figures that are not in this folder" in parsed.all("section")[0]["text"]
     bar = next(each for each in parsed.all("div", "bar"))["aria-label"]
-    assert bar == "1 reproduced, 1 differs, 1 depends, 1 by-test, 1 untested"
+    assert bar == "1 reproduced, 1 differs, 1 in some cases, 1 by a test, 1 untested"
     chips = [(" ".join(each["text"].split()), each["href"]) for each in parsed.all("a", "chip")]
     signs = {"reproduced": "✓", "differs": "✗", "depends": "◐", "by-test": "☑", "untested": "–"}
-    assert chips == [(f"{sign} 1 {verdict}", f"#{verdict}") for verdict, sign in signs.items()]
-    cases = [each["text"] for each in parsed.all("span", "case")]
+    words = {"depends": "in some cases", "by-test": "by a test"}
+    assert chips == [(f"{sign} 1 {words.get(of, of)}", f"#{of}") for of, sign in signs.items()]
+    cases = parsed.texts("span", "case")
     assert cases == ["✓ 4 spp", "✗ <16>"]
-    assert [each["text"] for each in Parsed(numbers(folder)["z-9"]["claims"]).all("span", "case")] == cases
+    assert Parsed(numbers(folder)["z-9"]["claims"]).texts("span", "case") == cases
     own = Parsed(numbers(folder)["z-9"]["claims"])
-    assert [each["text"] for each in own.all("summary")] == ["The others: ✓ 1 reproduced, ◐ 1 depends"]
+    assert own.texts("summary") == ["The others: ✓ 1 reproduced, ◐ 1 in some cases"]
     assert [each["class"] for each in own.all("b") if "class" in each] == ["differs", "depends", "reproduced"]
-    assert "test_b" in [each["text"] for each in parsed.all("code")]
+    assert "test_b" in parsed.texts("code")
 
     front = Parsed(written(folder))
     bars = [each["aria-label"] for each in front.all("div", "bar")]
-    assert bars == ["no claims", "1 reproduced, 1 differs, 1 depends", "1 by-test, 1 untested"]
+    assert bars == ["no claims", "1 reproduced, 1 differs, 1 in some cases", "1 by a test, 1 untested"]
     counts = {each["href"]: each["text"] for each in front.all("a", "verdict")}
     assert counts["ledger.html#z,differs"] == "✗ 1 differs" and len(counts) == 5
 
@@ -208,13 +190,11 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     drafts = {"true": "agrees", "false": "contradicts", "cases": "too small to tell"}
     assert assessed.drafts == {("z-9", key): said for key, said in drafts.items()}
     written(folder)
-    claims = [each["text"] for each in Parsed(numbers(folder)["z-9"]["claims"]).all("em")]
+    claims = Parsed(numbers(folder)["z-9"]["claims"]).texts("em")
     assert claims == ["Fig. 1", "Fig. 1; draft contradicts", "Fig. 1; draft too small to tell"]
-    small = [each["text"] for each in Parsed(written(folder, "ledger")).all("small")]
-    assert [each for each in small if "draft" in each] == [
-        "this draft: contradicts",
-        "this draft: too small to tell",
-    ]
+    small = Parsed(written(folder, "ledger")).texts("small")
+    said = ["this draft: contradicts", "this draft: too small to tell"]
+    assert [each for each in small if "draft" in each] == said
 
     assert not page.assess({}).drafts, "without figures the stored verdicts are there"
     assert [each.verdict for each in page.assess({}).findings] == [each.verdict for each in assessed.findings]
@@ -223,55 +203,37 @@ def test_verdicts_are_of_paper_quality_and_drafts_say_whether_they_agree(folder,
     assert [each.verdict for each in own.findings[:3]] == ["reproduced", "differs", "depends"]
     assert not own.drafts
     monkeypatch.setattr(ledger, "stored", dict)
-    assert [each["text"] for each in Parsed(written(folder, "ledger")).all("small")].count("draft") == 3
+    assert Parsed(written(folder, "ledger")).texts("small").count("draft") == 3
     monkeypatch.setattr(ledger, "stored", lambda: {"z-9": {"numbers": {"claims": {"true": 7}}}})
     assert page.assess({}).findings[0].verdict == "missing", "of another version"
-
-
-def test_figures_are_in_the_order_of_their_numbers(folder):
-    for part, some in (
-        ("z", ["z-1", "z-12", "z-table-1"]),
-        (
-            "thesis",
-            ["thesis-3.9", "thesis-3.11", "thesis-4.1", "thesis-table-4.1", "thesis-5.2", "thesis-5.11"],
-        ),
-    ):
-        names = [each["id"] for each in Parsed(written(folder, part, CATALOGUE)).all("article")]
-        assert sorted(names) == sorted(name for name in CATALOGUE if name.startswith(f"{part}-"))
-        assert [name for name in names if name in some] == some
 
 
 def test_what_is_not_there_and_what_stands_in_are_told(folder):
     parsed = Parsed(written(folder, "z", failed=["own"]))
     assert "Not in this folder: qmcjax z-2 makes it." in parsed.all("article")[0]["text"]
-    assert [each["text"] for each in parsed.all("span", "badge")] == ["our scene", "draft"]
+    assert parsed.texts("span", "badge") == ["our scene", "draft"]
     ours = Parsed((folder / "ours.html").read_text(encoding="utf-8"))
-    assert [each["text"] for each in ours.all("span", "badge")] == ["draft", "not up to date"]
+    assert ours.texts("span", "badge") == ["draft", "not up to date"]
     front = Parsed((folder / "index.html").read_text(encoding="utf-8"))
-    assert "Failed in the last run: own." in [each["text"] for each in front.all("p", "warning")]
+    assert "Failed in the last run: own." in front.texts("p", "warning")
 
     (folder / "own.png").unlink()
     (folder / "z-9.d.png").unlink()
-    assert [each["text"] for each in Parsed(written(folder, "z")).all("p", "warning")] == [
-        "Images are missing: z-9.d.png"
-    ]
-    assert "own.png is missing." in [
-        each["text"] for each in Parsed(written(folder, "ours")).all("p", "warning")
-    ]
+    assert Parsed(written(folder, "z")).texts("p", "warning") == ["Images are missing: z-9.d.png"]
+    assert "own.png is missing." in Parsed(written(folder, "ours")).texts("p", "warning")
 
 
-@pytest.mark.parametrize(
-    "damage",
-    [
-        {},
-        {"numbers": None},
-        {"quality": "draft", "seconds": "long", "numbers": {}},
-        {"quality": "draft", "seconds": 1, "numbers": {"measured": {}, "printed": {"true": True}}},
-        {"quality": "draft", "seconds": 1, "numbers": {"claims": {"true": 7, "false": {}, "cases": []}}},
-        {"quality": "draft", "seconds": 1, "numbers": {"claims": FOUND}, "images": {"items": [1]}},
-        {"quality": "draft", "seconds": 1, "numbers": {"claims": FOUND}, "machine": 3},
-    ],
-)
+DAMAGED = [
+    {"numbers": {"measured": {}, "printed": {"true": True}}},
+    {"numbers": {"claims": {"true": 7, "false": {}, "cases": []}}},
+    {"numbers": {"claims": FOUND}, "images": {"items": [1]}},
+    {"numbers": {"claims": FOUND}, "machine": 3},
+    {"numbers": {}, "seconds": "long"},
+]
+DAMAGED = [{}, {"numbers": None}, *({"quality": "draft", "seconds": 1} | each for each in DAMAGED)]
+
+
+@pytest.mark.parametrize("damage", DAMAGED)
 def test_old_and_damaged_entries_stop_nothing(folder, damage):
     """The other figure is whole, and claims that cannot be read are left out."""
     entries = json.loads((folder / "numbers.json").read_text())
@@ -292,59 +254,23 @@ def test_a_folder_without_numbers_has_a_page(folder, text):
     assert "0 of 2 figures of the papers are here" in Parsed(written(folder)).all("main")[0]["text"]
 
 
-def test_which_sampler_has_what_was_measured_or_says_what_measures_it(folder):
-    assert "qmcjax spp-slider makes it." in Parsed(written(folder, "which")).all("section")[0]["text"]
-    (folder / "spp-slider.which.html").write_text("<p>Take <b>this one</b>.</p>")
-    assert [each["text"] for each in Parsed(written(folder, "which")).all("b")] == ["qmcjax", "this one"]
-
-
-def test_papers_are_cited_as_in_the_citation_file(folder):
-    """Authors, title, year and DOI, on the front page and on that of the paper."""
-    file = (ROOT / "CITATION.cff").read_text(encoding="utf-8").partition("references:")[2]
-    names = re.findall("family-names: (.*?),", file)
-    lines = re.findall(r"^    (title|year|doi): (.*)$", file, re.M)
-    cited = {name: Parsed(written(folder, name)).all("p", "citation") for name in ("index", *PAPERS)}
-    assert [each["text"] for each in cited["index"]] == [cited[name][0]["text"] for name in PAPERS]
-    text = " ".join(each["text"] for each in cited["index"]).lower()
-    assert len(names) == 6 and len(lines) == 8
-    for word in (*names, *(value for _, value in lines)):
-        assert word.lower() in text
-    links = [each["href"] for each in Parsed(written(folder)).all("a") if "doi.org" in each["href"]]
-    assert links == [f"https://doi.org/{value}" for key, value in lines if key == "doi"]
-
-
 def test_what_was_not_made_is_no_failure(folder):
-    """The pages say which command makes it, and in which quality if it has no draft."""
+    """The pages say in order which command makes it, and in which quality if it has no draft."""
     (folder / "numbers.json").write_text("{}")
     papers = [name for name in CATALOGUE if _html.part_of(name) != "ours"]
     assert f"0 of {len(papers)} figures of the papers are here." in written(folder, "index", CATALOGUE)
     for name in _html.PAGES:
         assert not Parsed(written(folder, name, CATALOGUE)).all("p", "warning")
     texts = [written(folder, part, CATALOGUE) for part in _html.PARTS]
+    names = [each["id"] for text in texts for each in Parsed(text).all("article")]
+    assert sorted(names) == sorted(CATALOGUE)
+    for some in ("z-1 z-12 z-table-1", "thesis-3.9 thesis-3.11 thesis-4.1 thesis-table-4.1 thesis-5.2"):
+        assert [name for name in names if name in some.split()] == some.split()
+    assert {step[0] for step in _write.STEPS} | {_write.SLIDER, _write.HERO} <= CATALOGUE.keys()
     for name in CATALOGUE:
         why = f" --quality paper</code> makes it; a draft would not show it: {NO_DRAFT.get(name)}."
         told = f"qmcjax {name}" + (why if name in NO_DRAFT else "</code> makes it.")
         assert sum(told in text for text in texts) == 1
-
-
-def test_pages_of_all_figures_are_light(folder, monkeypatch):
-    """Each is below 150 kB of HTML, with all claims and a fifth of their verdicts for the worse."""
-    monkeypatch.undo()
-    others = itertools.cycle(["differs", "undecided", "depends", *["reproduced"] * 7])
-    found = [
-        ledger.Finding(claim, "by-test" if claim.test else next(others), claim.measured or "", {}, "")
-        for claim in ledger.claims()
-    ]
-    monkeypatch.setattr(ledger, "findings", lambda entries: found)
-    measured = {f"key {k}": k / 7 for k in range(200)}
-    (folder / "numbers.json").write_text(json.dumps({name: entry(measured=measured) for name in CATALOGUE}))
-    for name in CATALOGUE:
-        png(folder / f"{name}.png")
-        png(folder / f"{name}.webp")
-    articles = sum(len(Parsed(written(folder, part, CATALOGUE)).all("article")) for part in _html.PARTS)
-    assert articles == len(CATALOGUE)
-    sizes = {name: (folder / f"{name}.html").stat().st_size for name in _html.PAGES}
-    assert max(sizes.values()) < 150e3, sizes
 
 
 def test_a_moving_picture_is_still_until_it_is_opened(folder):
@@ -360,16 +286,35 @@ def test_a_moving_picture_is_still_until_it_is_opened(folder):
     assert (image["loading"], image["alt"]) == ("lazy", "Our own: raw frames and moving averages")
 
 
-def test_figures_of_the_tour_and_the_slider_exist():
-    assert {step[0] for step in _write.STEPS} | {_write.SLIDER, _write.HERO} <= CATALOGUE.keys()
-
-
 def test_what_a_visitor_copies_runs(folder):
     """In the order in which it stands on the front page and on that for samplers."""
     names = {}
     for name in ("index", "sampler"):
         parsed = Parsed(written(folder, name))
-        for code in [each["text"] for each in parsed.all("pre")]:
+        for code in parsed.texts("pre"):
             if not code.startswith(("qmcjax ", "python -m ")):
                 exec(code, names)
     assert names["image"].shape == (64, 64)
+
+
+def test_what_was_measured_and_the_documentation_are_there_or_what_makes_them_is_named(folder):
+    assert "qmcjax spp-slider makes it." in Parsed(written(folder, "which")).all("section")[0]["text"]
+    (folder / "spp-slider.which.html").write_text("<p>Take <b>this one</b>.</p>")
+    assert Parsed(written(folder, "which")).texts("b") == ["qmcjax", "this one"]
+    assert "It is not built in this folder." in written(folder, "documentation")
+    (folder / "docs").mkdir()
+    (folder / "docs" / "index.html").touch()
+    for name in ("index", "documentation"):
+        assert 'href="docs/index.html"' in written(folder, name)
+
+
+def test_the_first_screen_says_what_filtering_does(folder):
+    """By the images' own numbers; nothing where they have none."""
+    given = [(name, error, spp) for name, error in (("random", 0.4), ("Z", 0.2)) for spp in (1, 4)]
+    item = {"file": "i.png", "rms": 0.5}
+    items = [{**item, "name": name, "spp": spp, "filtered_rms": error / spp} for name, error, spp in given]
+    for each, told in ((items, ["2.00 times"]), (items[:2], [])):
+        images = {"width": 4, "height": 3, "transfer": "t", "items": [{"name": "r", "file": "r.png"}, *each]}
+        (folder / "numbers.json").write_text(json.dumps({"spp-slider": entry() | {"images": images}}))
+        front = written(folder, "index", {"spp-slider": Entry("m", "Slider")})
+        assert [text for text in Parsed(front).texts("b") if "times" in text] == told

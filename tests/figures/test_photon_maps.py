@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from figures.thesis.chapter_3.photon_maps import Photons, emit
+from figures.thesis.chapter_3.photons import Photons, emit
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -30,29 +30,6 @@ def arrived(found, until):
     lasts = found.end > found.start
     part = np.clip((until - found.start) / np.where(lasts, found.end - found.start, 1), 0, 1)
     return np.where(lasts, part, found.start <= until) * found.energy[:, 0]
-
-
-@pytest.mark.parametrize("intervals", CASES)
-def test_uniform_irradiance(intervals):
-    """Inside a sphere of radius 2 around a light of intensity 3 it is 3/4; its caps are as large as discs."""
-    world = tracing.world([tracing.sphere([0, 0, 0], 2.0)], [tracing.point_light([0, 0, 0], [3.0, 6.0, 0.0])])
-    count = 2**17
-    found = emit(world, points(count), intervals)
-    np.testing.assert_allclose(found.energy.sum(axis=0), 4 * np.pi * np.array([3, 6, 0]), rtol=1e-3)
-    rng = np.random.default_rng(2)
-    place = rng.normal(size=(200, 3))
-    place *= 2 / np.linalg.norm(place, axis=1, keepdims=True)
-    radius, window = 0.4, 0.5
-    for time in (0.0, 0.6, 1.0):
-        got = np.stack([found.irradiance(p, -p / 2, time, radius, window) for p in place])
-        lasts = 1.0 if intervals else min(time + 0.25, 1) - max(time - 0.25, 0)
-        deviation = 0.75 / np.sqrt(count * (np.pi * radius**2) / (16 * np.pi) * lasts)
-        assert (abs(got[:, 0] - 0.75) < 5 * deviation).all()
-        assert abs(np.mean((got[:, 0] - 0.75) / deviation)) < 5 / np.sqrt(20)  # about 20 are independent
-        np.testing.assert_allclose(got[:, 1], 2 * got[:, 0])
-        assert (got[:, 2] == 0).all()
-    # Not from behind.
-    assert (found.irradiance(place[0], place[0] / 2, 0.5, radius) == 0).all()
 
 
 @pytest.mark.slow
@@ -104,7 +81,7 @@ def test_a_moving_shadow(intervals):
     for time, dark in ((0.02, 0), (0.5, 1), (0.98, 2)):
         got = found.irradiance(place, UP, time, radius, window)[:, 0]
         lit = np.arange(4) != dark
-        assert got[dark] == 0
+        assert got[dark] == 0 and (found.irradiance(place, [0.0, -1, 0], time, radius, window) == 0).all()
         exact = 2 / (place[:, 0] ** 2 + place[:, 2] ** 2 + 4) ** 1.5
         lasts = 1 if intervals else min(time + window / 2, 1) - max(time - window / 2, 0)
         photons = count * exact * radius**2 / 4 * lasts

@@ -8,7 +8,7 @@ import playgrounds
 import pytest
 
 from figures.page import playground_script
-from figures.playground import COUNTS, KEYS, SAMPLERS, SCENES, make_sampler, playground
+from figures.playground import COUNTS, KEYS, SAMPLERS, SCENES, playground
 from qmcjax import samplers, scenes, sequences
 from qmcjax.bridges import seeds, source
 
@@ -75,9 +75,8 @@ def test_seeds_of_other_keys_are_those_of_their_own_source():
 
 
 def test_a_text_is_kept_once_for_all_keys_and_counts_that_share_it():
-    data = playgrounds.unpacked(
-        playground({"Owen": owen, "Z": of_powers}, DISC, SIDE, (1, 4), (1, 2, 3)).script
-    )
+    made = playground({"Owen": owen, "Z": of_powers}, DISC, SIDE, (1, 4), (1, 2, 3))
+    data = playgrounds.unpacked(made.script)
     of_owen, of_z = ([[text for text, *_ in at] for at in each["programs"]] for each in data["samplers"])
     assert of_owen == [[0] * 3] * 2 and of_z == [[1] * 3, [2] * 3] and len(data["texts"]) == 3
     known = [tuple(words) for at in data["samplers"][0]["programs"] for *_, words in at]
@@ -96,12 +95,3 @@ def test_what_cannot_be_translated_is_left_out_in_words():
     assert [each["name"] for each in data["samplers"]] == ["Z"]
     at_4, at_5 = data["samplers"][0]["programs"]
     assert isinstance(at_4, list) and "spp must be a power of two" in at_5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SAMPLERS)
-def test_keys_of_ours_have_other_points(name):
-    one, other = (
-        np.asarray(make_sampler(name, playgrounds.SIDE, 4, key)(3, 5, 1, (0, 1, 2, 3))) for key in (1, 2)
-    )
-    assert (one != other).any()

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from figures.thesis.chapter_3 import moved_pixels
-from figures.thesis.chapter_3.predicted_images import DeepImage, Renderer, Step, predict, project, recursion
+from figures.thesis.chapter_3 import predicted_images
+from figures.thesis.chapter_3.predicted_images import DeepImage, Renderer, Step, predict, recursion
 from qmcjax import tracing
 from qmcjax.tracing import motion
 
@@ -42,16 +42,10 @@ def scene(texture, path=STANDS, turn=None, high=3.0, **of_camera):
     """Return a shining wall at the distance 1, larger than the image."""
     if not isinstance(path, motion.LinearSegments):
         path = motion.linear_segments([0, 1], path)
-    wall = tracing.rectangle(
-        [-3.0, -high, -1.0],
-        [6, 0, 0],
-        [0, 2 * high, 0],
-        motion=motion.affine(turn, path),
-        material=tracing.emitter(texture),
-    )
-    return tracing.direct_light(
-        tracing.world([wall]), tracing.camera([0, 0, 0], [0, 0, -1], fov=FOV, **of_camera)
-    )
+    how = {"motion": motion.affine(turn, path), "material": tracing.emitter(texture)}
+    wall = tracing.rectangle([-3.0, -high, -1.0], [6, 0, 0], [0, 2 * high, 0], **how)
+    camera = tracing.camera([0, 0, 0], [0, 0, -1], fov=FOV, **of_camera)
+    return tracing.direct_light(tracing.world([wall]), camera)
 
 
 def predicted(of, samples=(0,), fail=4, key=3, contrast=0.3):
@@ -97,29 +91,6 @@ def test_rotation_and_depth_are_predicted():
     assert error.max() < 0.05 and np.sqrt(np.mean(apart**2)) > 3 * np.sqrt(np.mean(error**2))
 
 
-@pytest.mark.slow
-def test_projection_inverts_rays():
-    turn = motion.rotation_spline([0, 1], [[0, 0, 0, 1.0], motion.quaternion([1, 1, 0], 0.8)])
-    moves = motion.affine(turn, motion.linear_segments([0, 1], [[0, 1, 0], [2, 0, 1]]))
-    camera = tracing.camera([1, 2, 3], [0, 0, 0], fov=50, aspect=1.5, motion=moves)
-    x, y, time, away = (jnp.asarray(a) for a in np.random.default_rng(1).random((4, 50), np.float32))
-
-    @jax.jit
-    def there_and_back(x, y, time, away):
-        sight = camera.rays(x, y, time, ())
-        one = jnp.ones_like(time)
-        ahead, behind = (
-            tuple(o + sign * (1 + away) * d for o, d in zip(sight.origin, sight.direction, strict=True))
-            for sign in (1, -1)
-        )
-        given = (ahead, one), (sight.direction, 0 * one), (behind, one)
-        return [project(camera, *of, time) for of in given]
-
-    for got, sign in zip(there_and_back(x, y, time, away), (1, 1, -1), strict=True):
-        np.testing.assert_allclose(got[:2], [x, y], atol=3e-6)
-        assert (sign * got[2] > 0).all()
-
-
 @pytest.mark.parametrize("levels", range(1, 7))
 def test_the_recursion_visits_every_interval_once(levels):
     known = {0, 2**levels}
@@ -135,16 +106,13 @@ def test_what_cannot_be_averaged_alternates():
     """Colours are means; of the rest, pixels whose x xor y is odd have that of the second image."""
     rng, count = np.random.default_rng(1), SIDE * SIDE
     render = Renderer(scene(Waves()), SIDE, 3, None)
-    one, other = (
-        DeepImage(
-            rng.random((count, 3), np.float32),
-            np.ones(count, np.float32),
-            np.concatenate([rng.random((count, 2)), -np.ones((count, 1))], axis=1, dtype=np.float32),
-            rng.random(count, np.float32),
-            np.zeros(count, np.int32),
-        )
-        for _ in range(2)
-    )
+
+    def deep():
+        places = np.concatenate([rng.random((count, 2)), -np.ones((count, 1))], axis=1, dtype=np.float32)
+        colors, ones = rng.random((count, 3), np.float32), np.ones(count, np.float32)
+        return DeepImage(colors, ones, places, rng.random(count, np.float32), np.zeros(count, np.int32))
+
+    one, other = deep(), deep()
     got, covered = render.predict(one, other, Step(0, 1, 2, 1))
     y, x = np.mgrid[:SIDE, :SIDE]
     second = (x.ravel() ^ y.ravel()) % 2 == 1
@@ -160,13 +128,10 @@ def test_triangles_are_drawn_as_one_by_one():
     height, width = 5, 6
     y, x = np.mgrid[:height, :width] + rng.normal(size=(2, height, width)) * 1.5
     depth, seen = rng.random((height, width)), rng.random((height, width)) < 0.9
-    got = moved_pixels.draw(x, y, depth, seen)
+    got = predicted_images.draw_triangles(x, y, depth, seen)
     pixel = np.arange(height * width).reshape(height, width)
-    quads = [
-        (pixel[i, j], pixel[i, j + 1], pixel[i + 1, j], pixel[i + 1, j + 1])
-        for i in range(height - 1)
-        for j in range(width - 1)
-    ]
+    corners = [pixel[:-1, :-1], pixel[:-1, 1:], pixel[1:, :-1], pixel[1:, 1:]]
+    quads = np.stack(corners, axis=-1).reshape(-1, 4).tolist()
     triangles = [t for a, b, c, d in quads for t in ((a, b, c), (b, c, d)) if seen.ravel()[list(t)].all()]
     place = np.stack([x.ravel(), y.ravel()], axis=-1)
     for i, j in np.ndindex(height, width):

@@ -9,13 +9,10 @@ from figures.making.schema import UNDECIDED
 from figures.ours import benchmark
 from figures.shared import judged
 from figures.shared.rendered import diffusion, pixel_sets, scene_images
-from figures.shared.timing import ray_rates
 from figures.thesis.chapter_6 import motion_blur
 from figures.z import z_3, z_renderings
 from figures.z.z_3 import SoftShadow
 from qmcjax import samplers, scenes, sequences
-
-NEEDS = ("x", "y", "time", "light_u", "light_v")
 
 
 def colours(point):
@@ -30,16 +27,16 @@ def test_an_image_is_that_of_render(spp):
     np.testing.assert_allclose(scene_images.image(scene, sampler, 8, spp), expected, atol=1e-6)
 
 
+MAKERS = [
+    lambda key: samplers.z(8, 8, 4, key),
+    lambda key: samplers.independent(sequences.sobol(2), key),
+    lambda key: z_renderings.make_samplers(("x", "y"), 8, 4, key)["ranked keys"],
+    lambda key: samplers.full_screen(sequences.sobol(2), 8, 8),
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda key: samplers.z(8, 8, 4, key),
-        lambda key: samplers.independent(sequences.sobol(2), key),
-        lambda key: z_renderings.make_samplers(("x", "y"), 8, 4, key)["ranked keys"],
-        lambda key: samplers.full_screen(sequences.sobol(2), 8, 8),
-    ],
-)
+@pytest.mark.parametrize("make", MAKERS)
 @pytest.mark.parametrize("keys", [1, 3])
 def test_images_of_keys_are_those_of_each(make, keys):
     scene, keyed = scenes.function(colours, ("x", "y")), [make(key) for key in range(keys)]
@@ -53,9 +50,8 @@ def test_the_kept_reference_is_the_mean_of_each_pixel():
     scene, side = scenes.interior(2), 16
     kept = diffusion.find_kept(scene, side)
     sobol = sequences.sobol(len(scene.needs))
-    images = [
-        scene_images.replicate(scene, samplers.independent(sobol, key), side, 8) for key in range(100, 116)
-    ]
+    drawn = [samplers.independent(sobol, key) for key in range(100, 116)]
+    images = [scene_images.replicate(scene, sampler, side, 8) for sampler in drawn]
     variance = np.var(images, axis=0, ddof=1) / len(images) + np.square(kept.error)
     squares = np.square(np.mean(images, axis=0) - kept.image)
     noisy = variance > 1e-8
@@ -87,45 +83,10 @@ def test_the_references_error_is_taken_off_but_never_undercut():
     assert diffusion.rms_error(np.zeros((4, 4, 3)), exact) == pytest.approx(0.3)
 
 
-def test_jittered_points_have_one_in_each_cell_in_each_pixel():
-    points = np.asarray(motion_blur.make_sampler("jittered grid", 4, 27)(1, 2, jnp.arange(27), (0, 1, 2)))
-    other = np.asarray(motion_blur.make_sampler("jittered grid", 4, 27)(2, 2, jnp.arange(27), (0, 1, 2)))
-    assert len(np.unique(np.floor(points * 3), axis=0)) == 27
-    assert not np.isin(points, other).any()
-
-
 @pytest.mark.parametrize("name", motion_blur.COMPARED)
-def test_all_samplers_have_a_time_of_their_own_for_each_of_eight_samples(name):
+def test_each_of_eight_samples_has_its_time_in_samplers_that_are_compared(name):
     times = np.asarray(motion_blur.make_sampler(name, 8, 8)(3, 5, jnp.arange(8), (2,)))
     assert len(np.unique(times)) == 8
-
-
-def test_what_belongs_together():
-    assert z_renderings.constituents(NEEDS) == (2, 1, 2)
-    assert z_renderings.constituents(("x", "y", "light", "light_u", "light_v", "roulette1")) == (2, 1, 2, 1)
-
-
-@pytest.mark.parametrize("name", ["(0,2)-sequence", "ranked keys", "Z"])
-def test_pairs_are_nets_and_single_coordinates_stratified(name):
-    """Each has one of four samples in each elementary interval, in an order of its own."""
-    sampler = z_renderings.make_samplers(NEEDS, 8)[name]
-    points = np.asarray(sampler(5, 2, jnp.arange(4), tuple(range(5))))
-    assert np.isin(np.floor(points * 4), np.arange(4)).all()
-    for column in points.T:
-        assert len(np.unique(np.floor(column * 4))) == 4
-    for pair in (points[:, :2], points[:, 3:]):
-        assert len(np.unique(np.floor(pair * 2), axis=0)) == 4
-
-
-@pytest.mark.slow
-def test_orders_of_pairs_differ():
-    """Else all pairs of a pixel would be copies but for an xor."""
-    for name, pixels in (("(0,2)-sequence", 64), ("ranked keys", 64)):
-        sampler = z_renderings.make_samplers(NEEDS, 8)[name]
-        x, y = (jnp.arange(pixels).reshape(-1, 1) % 8, jnp.arange(pixels).reshape(-1, 1) // 8)
-        half = np.floor(np.asarray(sampler(x, y, jnp.arange(4), (0, 1, 2, 3, 4))) * 4) // 2
-        differ = half[:, :, 0] != half[:, :, 3]
-        assert 0 < differ.mean() < 1
 
 
 def test_the_time_for_an_error_and_what_is_best():
@@ -135,36 +96,6 @@ def test_the_time_for_an_error_and_what_is_best():
         assert benchmark.time_for(rows, error) == pytest.approx(0.1 * error**-2)
     slow = {"spp": 16, "seconds": 2.0, "rms error": 0.3, "sampler": "b"}
     assert [row["spp"] for row in benchmark.best([slow, *rows])] == [4, 16, 64]
-
-
-@pytest.mark.parametrize("count", [32, 512])
-def test_bodies_are_closed(count):
-    """Each edge of the triangles is there once in each direction."""
-    vertices = ray_rates.body(count)
-    assert vertices.shape == (count, 3, 3)
-    edges = {(tuple(face[j]), tuple(face[j - 1])) for face in vertices.tolist() for j in range(3)}
-    assert len(edges) == 3 * count and all(edge[::-1] in edges for edge in edges)
-
-
-def test_coherent_rays_go_through_all_pixels_in_squares():
-    _, direction = ray_rates.coherent(64 * 64)
-    pixels = np.round((direction[:, :2] + 1) * 32 - 0.5).astype(int)
-    assert len(np.unique(pixels, axis=0)) == 64 * 64
-    for square in pixels.reshape(-1, 256, 2):
-        assert np.all(square.max(axis=0) - square.min(axis=0) == 15)
-
-
-def test_all_ways_are_timed_by_turns():
-    calls = []
-    ways = {name: lambda name=name: calls.append(name) for name in "ab"}
-    measured = ray_rates.time_rates(ways, 100, 3)
-    assert calls == list("abababab") and all(entry["per second"] > 0 for entry in measured.values())
-
-
-@pytest.fixture(scope="module")
-def exact():
-    image = np.random.default_rng(1).random((32, 32, 3))
-    return diffusion.Reference(image, np.full((32, 32, 3), 0.1), "")
 
 
 def test_sets_are_distinct_pixels_of_the_area():
@@ -177,16 +108,13 @@ def test_sets_are_distinct_pixels_of_the_area():
     assert len(np.unique(whole.y.astype(int) * 32 + whole.x)) == 32**2
 
 
-def test_errors_over_counts_are_geometric_means():
+def test_errors_of_sets_are_without_the_references_and_over_counts_geometric_means():
+    image, pixels = np.random.default_rng(1).random((32, 32, 3)), pixel_sets.all_pixels(32)
+    exact, there = diffusion.Reference(image, np.full((32, 32, 3), 0.1), ""), image[pixels.y, pixels.x]
+    np.testing.assert_allclose(pixel_sets.errors(there + 0.5, exact, pixels), np.sqrt(0.25 - 0.01))
+    np.testing.assert_allclose(pixel_sets.errors(there, exact, pixels), 0.1)
     values = np.exp(np.random.default_rng(2).normal(size=pixel_sets.SETS))
     np.testing.assert_allclose(pixel_sets.over_counts({1: values, 4: values / 2}), values / np.sqrt(2))
-
-
-def test_errors_of_sets_are_without_the_references(exact):
-    pixels = pixel_sets.all_pixels(32)
-    found = pixel_sets.errors(exact.image[pixels.y, pixels.x] + 0.5, exact, pixels)
-    np.testing.assert_allclose(found, np.sqrt(0.25 - 0.01))
-    np.testing.assert_allclose(pixel_sets.errors(exact.image[pixels.y, pixels.x], exact, pixels), 0.1)
 
 
 @pytest.mark.slow
@@ -199,9 +127,8 @@ def test_pixels_are_those_of_the_image_and_sets_are_divided_among_keys():
     images = [scene_images.image(scene, key, 16, 2) for key in keys]
     for part, image in zip((slice(0, 8), slice(8, 16)), images, strict=True):
         values = image[pixels.y[part], pixels.x[part]]
-        np.testing.assert_allclose(
-            found["both"][2][part], np.sqrt(np.mean(values**2, axis=(1, 2))), rtol=1e-5
-        )
+        rms = np.sqrt(np.mean(values**2, axis=(1, 2)))
+        np.testing.assert_allclose(found["both"][2][part], rms, rtol=1e-5)
     np.testing.assert_allclose(found["one"][2][:8], found["both"][2][:8])
     assert np.all(found["one"][2][8:] != found["both"][2][8:])
 
@@ -233,9 +160,3 @@ def test_pixels_are_means_over_random_points(light, radius):
         values = np.asarray(scene(points.astype(np.float32)))
         share = image[y, x]
         assert abs(values.mean() - share) <= 5 * np.sqrt(share * (1 - share) / count) + 1e-5
-
-
-def test_a_small_light_casts_a_hard_shadow_of_twice_the_disc():
-    image = z_3.exact(SoftShadow(1e-6, 0.2), 128)
-    assert (1 - image).mean() == pytest.approx(np.pi * 0.4**2, rel=1e-3)
-    np.testing.assert_allclose(image[:, ::-1], image, atol=1e-9)

@@ -47,18 +47,13 @@ def test_an_order_is_that_of_its_table_turned(size):
         digits = packed[(4**level - 1) // 3 :][: 4**level].reshape(2**level, 2**level, 1) >> [0, 2, 4, 6] & 3
         whole = (4 * whole[..., None] + digits).reshape(2**level, 2**level, 2, 2).swapaxes(1, 2)
         whole = whole.reshape(2 ** (level + 1), -1)
-    parts = [
-        whole[i : i + side, j : j + side] % side**2 for i in range(0, 64, side) for j in range(0, 64, side)
-    ]
-    turned = {
-        np.ascontiguousarray(f).tobytes()
-        for part in parts
-        for turn in (part, part.T)
-        for f in (turn, turn[::-1], turn[:, ::-1], turn[::-1, ::-1])
-    }
-    for tile in (
-        position.reshape(rows // side, side, columns // side, side).swapaxes(1, 2).reshape(-1, side, side)
-    ):
+    corners = [(i, j) for i in range(0, 64, side) for j in range(0, 64, side)]
+    parts = [whole[i : i + side, j : j + side] % side**2 for i, j in corners]
+    turns = [turn for part in parts for turn in (part, part.T)]
+    turns += [turn[::-1] for turn in turns]
+    turned = {np.ascontiguousarray(f).tobytes() for turn in turns for f in (turn, turn[:, ::-1])}
+    tiles = position.reshape(rows // side, side, columns // side, side).swapaxes(1, 2)
+    for tile in tiles.reshape(-1, side, side):
         assert (tile % side**2).astype(np.int64).tobytes() in turned
 
 
@@ -90,7 +85,7 @@ def test_first_samples_are_nets_and_the_rank_says_which(spp):
     mine = np.asarray(points(sampler, jnp.asarray(first(spp))))
     y, x = np.mgrid[:16, :16].astype(np.uint32)
     block = np.asarray(sampler.order.position(x, y))[..., None] * np.uint32(spp) + first(spp)
-    of_block = np.asarray(sequences.Owen(SOBOL, sampler.seeds[:2]).bits(block))
+    of_block = np.asarray(sequences.Mapped(SOBOL, sequences.OwenHash(sampler.seeds[:2])).bits(block))
     rank = np.asarray(sampler.ranks)[tuple(map(np.asarray, sampler.order.cell(x, y)))]
     for k in range(spp.bit_length()):
         start = (rank >> k << k)[..., None] + first(2**k)
@@ -134,9 +129,8 @@ make = pytest.importorskip("analysis.tables.optimized_orders", exc_type=ImportEr
 def test_mean_distances_are_those_of_points_in_halves_of_intervals():
     found, rng, n = make.mean_distances(6), np.random.default_rng(1), 10**5
     for i, j in ((0, 0), (1, 3), (4, 0), (2, 6), (6, 6)):
-        x, y = (
-            (0.5 + rng.random(n) / 2 - rng.random(n) / 2) * 2.0**-k if k < 6 else np.zeros(n) for k in (i, j)
-        )
+        drawn = lambda k: (0.5 + rng.random(n) / 2 - rng.random(n) / 2) * 2.0**-k if k < 6 else 0.0  # noqa: E731
+        x, y = drawn(i), drawn(j) + np.zeros(n)
         distance = np.hypot(x, y)
         assert abs(found[i, j] - distance.mean()) <= 5 * distance.std() / np.sqrt(n)
 

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar
+from functools import partial
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.ndimage import maximum_filter
-from tables import slow
+from tables import few
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -61,9 +62,8 @@ def spike(width):
     return scenes.function(lambda p: (4 * p[..., 0] % 1 < width).astype(p.dtype), ("x", "y"))
 
 
-NOT_A_NUMBER = scenes.function(
-    lambda p: jnp.sqrt(jnp.where(p[..., 0] > 0.75, 0.15 - p[..., 1] % 0.25, 1.0)), ("x", "y")
-)
+ROOT = lambda p: jnp.sqrt(jnp.where(p[..., 0] > 0.75, 0.15 - p[..., 1] % 0.25, 1.0))  # noqa: E731
+NOT_A_NUMBER = scenes.function(ROOT, ("x", "y"))
 """The square root of a difference that is negative in a part of some pixels."""
 
 
@@ -101,8 +101,7 @@ def test_image_is_the_same_and_counts_are_what_was_taken(dtype):
     scene, sampler = Quadrants(20.0), along(SIDE, SPP, 4)
     whole = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
     result = qj.render_adaptive(scene, sampler, SIDE, SIDE, SPP, dtype=dtype)
-    assert result.image.dtype == dtype
-    assert result.counts.dtype == np.uint32
+    assert result.image.dtype == dtype and result.counts.dtype == np.uint32
     np.testing.assert_allclose(result.image, whole, rtol=0, atol=4 * float(jnp.finfo(dtype).eps))
     np.testing.assert_array_equal(result.counts[10:, :], SPP)
     np.testing.assert_array_equal(result.counts[:, 10:], SPP)
@@ -127,34 +126,62 @@ def test_more_coordinates_than_bits():
     np.testing.assert_array_equal(result.counts[:, :2], SPP)
 
 
-@pytest.mark.slow
-def test_scenes_that_say_nothing_are_sampled_everywhere():
-    scene, sampler = scenes.zone_plate(10.0), along(SIDE, SPP)
-    result = qj.render_adaptive(scene, sampler, SIDE, SIDE, SPP)
-    np.testing.assert_allclose(result.image, qj.render(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=1e-6)
-    assert result.saving == 0
-    assert (result.counts == SPP).all()
-
-
-def test_new_parameters_compile_nothing():
-    sampler = Asked(along(SIDE, SPP))
-    for radius in (0.2, 0.3, 0.4):
-        qj.render_adaptive(scenes.disc((0.5, 0.5), radius), sampler, SIDE, SIDE, SPP)
-        assert bool(Asked.log) == (radius == 0.2)
-        Asked.log.clear()
-
-
 def test_passes_go_on_until_the_error_is_small():
     scene, tolerance = scenes.zone_plate(30.0), 0.02
     result = qj.render_adaptive(scene, passes(), SIDE, SIDE, 4096, tolerance=tolerance)
     error = np.asarray(result.image, np.float64) - scene.reference(SIDE, SIDE)[0]
     assert 0.5 * tolerance < np.sqrt(np.mean(error**2)) < tolerance
-    assert (result.counts % 4 == 0).all()
-    assert result.counts.min() >= 16
-    assert result.counts.max() > 2 * result.counts.min()
-    assert 0.5 < result.saving < 1
+    assert (result.counts % 4 == 0).all() and 0.5 < result.saving < 1
+    assert result.counts.max() > 2 * result.counts.min() >= 32
     limited = qj.render_adaptive(scene, passes(), SIDE, SIDE, 64, tolerance=tolerance)
     assert limited.counts.max() == 64
+
+
+LEVELS = np.repeat([0.002, 2.0], SIDE // 2)
+"""Means of the two halves of an image, left and right."""
+
+
+def two_levels(point):
+    value = jnp.where(point[..., 0] < 0.5, *LEVELS[[0, -1]]) * 2 * point[..., 2]
+    return jnp.stack([value, 0.1 * value, 0 * value], axis=-1)
+
+
+GIVEN = [
+    ({"relative": 0.04}, [0.04, 0.04]),
+    ({"relative": 0.04, "unbiased": True}, [0.04, 0.04]),
+    ({"relative": 0.04, "tolerance": 1.6e-4}, [0.08, 0.04]),
+    ({"tolerance": lambda mean, variance: 0.04 * mean.max(axis=-1)}, [0.04, 0.04]),
+    ({"tolerance": lambda mean, variance: np.fmax(0.04 * mean[..., :1], 1e-9)}, [0.04, 0.04]),
+]
+
+
+@pytest.mark.parametrize(("given", "parts"), GIVEN)
+def test_noise_is_relative_where_asked_for(given, parts):
+    """To the brightest channel; with a floor. Neighbours of other levels do not count."""
+    scene = scenes.function(two_levels, ("x", "y", "light_u"))
+    sampler = passes(lambda key: samplers.independent(sequences.uniform(3, key), key))
+    result = qj.render_adaptive(scene, sampler, SIDE, SIDE, 1024, **given)
+    errors = (np.asarray(result.image, np.float64)[..., 0] - LEVELS) / LEVELS
+    for half, part in enumerate(parts):
+        found = np.sqrt(np.mean(errors[:, half * SIDE // 2 : (half + 1) * SIDE // 2] ** 2))
+        assert 0.4 * part < found < 1.05 * part
+    assert (result.counts.min() == 16) == (parts[0] > parts[1])
+    assert result.image[..., 2].max() == 0
+
+
+@pytest.mark.parametrize("given", [{"relative": 0.02}, {"tolerance": lambda mean, _: 0.02 * mean + 1e-9}])
+def test_passes_end_at_a_relative_error(given):
+    """The root mean square over all values of the errors over the allowed ones, by hand; zeros have none."""
+    scene = scenes.function(two_levels, ("x", "y", "light_u"))
+    sampler = passes(lambda key: samplers.independent(sequences.uniform(3, key), key))
+    found = qj.render_passes(scene, sampler, SIDE, SIDE, 1000, **given)
+    before = qj.render_passes(scene, sampler, SIDE, SIDE, found.passes - 1)
+    misses = []
+    for made in (before, found):
+        mean, variance = np.float64(made.image), np.float64(made.variance)
+        scale = np.broadcast_to(mean[..., :1] if "relative" in given else mean + 1e-9, mean.shape)
+        misses.append(np.sqrt(np.mean(variance / np.square(0.02 * scale))))
+    assert misses[1] < 1 < misses[0]
 
 
 @pytest.mark.slow
@@ -182,29 +209,45 @@ def test_constant_pixels_take_no_passes():
     np.testing.assert_array_equal(result.image[:9, :9], [[[0.25, 0.75, 0.1875]] * 9] * 9)
 
 
-def test_progress_is_reported_and_ends():
-    options: list[dict[str, Any]] = [{}, {"tolerance": 0.1}, {"tolerance": 0.1, "unbiased": True}]
-    for more in options:
+@pytest.mark.parametrize("more", [{}, {"tolerance": 0.1}, {"tolerance": 0.1, "unbiased": True}])
+def test_progress_is_reported_and_ends(more):
+    for scene in (scenes.zone_plate(10.0), scenes.disc((5.0, 5.0), 0.1)):
         seen: list[float] = []
-        qj.render_adaptive(scenes.zone_plate(10.0), passes(), SIDE, SIDE, 64, progress=seen.append, **more)
-        assert seen == sorted(seen)
-        assert seen[0] > 0
-        assert seen[-1] == 1
+        qj.render_adaptive(scene, passes(), SIDE, SIDE, 64, progress=seen.append, **more)
+        assert seen == sorted(seen) and seen[0] > 0 and seen[-1] == 1
         if "tolerance" in more:
             np.testing.assert_allclose(seen[:-1], seen[0] * np.arange(1, len(seen)), err_msg="pass by pass")
 
 
-@pytest.mark.parametrize("render", [*slow(qj.render), qj.render_adaptive])
-def test_values_that_are_not_finite_are_found_and_named(render):
+ONE = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
+FOUND = r"\(3, 0\), sample 2, point \[0.859375, 0.2037"
+NOT_FINITE = {
+    "adaptive": (partial(qj.render_adaptive, NOT_A_NUMBER, ONE, 4, 4, 4), FOUND),
+    "render": (partial(qj.render, NOT_A_NUMBER, ONE, 4, 4, 4), FOUND),
+    "passes": (partial(qj.render_adaptive, NOT_A_NUMBER, passes(), 4, 4, 64, tolerance=0.01), r"\(3, "),
+    # The pilot is not part of the image, and its values count, too.
+    "unbiased": (
+        partial(qj.render_adaptive, NOT_A_NUMBER, passes(), 4, 4, 64, tolerance=0.01, unbiased=True),
+        r"\(3, ",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", few(NOT_FINITE, "adaptive"))
+def test_values_that_are_not_finite_are_found_and_named(name):
     """Points 12, 13, 14 and 15 have 4, 13, 22 and 7 27ths of the height: 22/27 / 4 is above 0.15."""
-    sampler = samplers.contiguous(orders.raster(4, 4), sequences.halton(2), 4)
-    with pytest.raises(ValueError, match=r"got nan in pixel \(3, 0\), sample 2, point \[0.859375, 0.2037"):
-        render(NOT_A_NUMBER, sampler, 4, 4, 4)
+    call, place = NOT_FINITE[name]
+    with pytest.raises(ValueError, match=f"scene must return finite values, got nan in pixel {place}"):
+        call()
 
 
 test_bad_input_is_named = refused(
     (TypeError, along(4, 4), 4, {"tolerance": 0.1}, "samplers.randomized .* got .*Contiguous"),
     (TypeError, passes(), 16, {"tolerance": np.ones(2)}, "tolerance must be one number"),
+    (TypeError, passes(), 16, {"relative": np.ones(2)}, "relative must be one number"),
+    (passes(), 16, {"relative": -0.1}, "relative must be .*positive.* got -0.1"),
+    (passes(), 64, {"tolerance": lambda m, v: -m}, "tolerance must return positive numbers, got an array"),
+    (passes(), 64, {"tolerance": lambda m, v: np.ones(3)}, r"of shape \(4, 4\) or \(4, 4\), got an array"),
     (passes(), 18, {"tolerance": 0.1}, "multiple of the 4 samples .* got 18"),
     (passes(), 12, {"tolerance": 0.1}, "at least 16 .* got 12"),
     (passes(), 16, {"tolerance": 0.1, "unbiased": True}, "at least 20 .* got 16"),
@@ -214,14 +257,10 @@ test_bad_input_is_named = refused(
 )
 
 
-@pytest.mark.parametrize(
-    "transformed",
-    [
-        lambda total: jax.grad(total)(10.0),
-        lambda total: jax.vmap(total)(jnp.ones(2)),
-        lambda total: jax.jit(lambda: total(10.0))(),
-    ],
-)
+TRANSFORMED = [lambda total: jax.grad(total)(10.0), lambda total: jax.vmap(total)(jnp.ones(2))]
+
+
+@pytest.mark.parametrize("transformed", [*TRANSFORMED, lambda total: jax.jit(lambda: total(10.0))()])
 def test_not_for_transformations(transformed):
     """Inside jit also a scene whose parameters are known."""
 
@@ -230,14 +269,6 @@ def test_not_for_transformations(transformed):
 
     with pytest.raises(TypeError, match=r"render_adaptive decides on values.* got a tracer"):
         transformed(total)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("unbiased", [True, False])
-def test_passes_that_are_not_finite_are_named(unbiased):
-    """The pilot is not part of the image, and its values count, too."""
-    with pytest.raises(ValueError, match=r"scene must return finite values, got nan in pixel \(3, "):
-        qj.render_adaptive(NOT_A_NUMBER, passes(), 4, 4, 64, tolerance=0.01, unbiased=unbiased)
 
 
 def varying(bits):
@@ -260,12 +291,6 @@ test_what_varies_must_be_told_for_each_coordinate = refused(
     call=varying,
     error=ValueError,
 )
-
-
-def test_progress_of_a_constant_image():
-    seen = []
-    qj.render_adaptive(scenes.disc((5.0, 5.0), 0.1), along(4, 4), 4, 4, 4, progress=seen.append)
-    assert seen == [1.0]
 
 
 def test_passes_stop_by_the_unbiased_variance():
@@ -351,5 +376,4 @@ def test_boxes_hold_their_pixels_though_edges_are_rounded(dtype):
             assert all(Fraction(float(edge)) <= Fraction(k, size) for edge in edges[0])
             assert all(Fraction(float(edge)) >= Fraction(k + 1, size) for edge in edges[1])
             assert (edges[1] - edges[0]).max() * size < 1 + 16 * size * jnp.finfo(dtype).eps
-    assert (low[..., 2] == 0).all()
-    assert (high[..., 2] == 1).all()
+    assert (low[..., 2] == 0).all() and (high[..., 2] == 1).all()

@@ -85,9 +85,8 @@ def test_kin_of_render(gpu):
     np.testing.assert_allclose(there[0].image, here[0].image, atol=4 * EPS)
     assert np.array_equal(there[0].counts, here[0].counts) and there[0].counts.min() == 1
     np.testing.assert_allclose(there[1][0], here[1][0], rtol=1e-15)
-    wrong = scenes.function(
-        lambda p: jnp.where((p[..., 0] > 0.5) & (p[..., 1] > 0.9), jnp.nan, 1.0), ("a", "b")
-    )
+    of = lambda p: jnp.where((p[..., 0] > 0.5) & (p[..., 1] > 0.9), jnp.nan, 1.0)  # noqa: E731
+    wrong = scenes.function(of, ("a", "b"))
     with pytest.raises(ValueError, match=r"finite values, got nan in pixel \(6, 9\), sample"):
         qj.render(wrong, owen, WIDTH, HEIGHT, 32)
 

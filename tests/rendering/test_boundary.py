@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.special import ndtr
+from tables import few
 
 from qmcjax import scenes, sequences
 from qmcjax.core.pytrees import pytree
@@ -51,15 +52,13 @@ def moved(scene, i, index, by):
 
 def flat(gradient):
     """Return all gradients side by side, shape (height, width, numbers)."""
-    return np.concatenate(
-        [np.reshape(leaf, (*leaf.shape[:2], -1)) for leaf in jax.tree.leaves(gradient)], axis=-1
-    ).astype(np.float64)
+    parts = [np.reshape(leaf, (*leaf.shape[:2], -1)) for leaf in jax.tree.leaves(gradient)]
+    return np.concatenate(parts, axis=-1).astype(np.float64)
 
 
 def sequence(name, key):
     """Return a randomised sequence on the edges."""
-    dims = len(SCENES[name].needs) - 1
-    return sequences.digital_shift(sequences.sobol(dims), key=key)
+    return sequences.digital_shift(sequences.sobol(len(SCENES[name].needs) - 1), key=key)
 
 
 @NAMES
@@ -91,20 +90,6 @@ def test_bounds_of_edges_that_graze_borders():
     np.testing.assert_allclose(gradient.offset, [[2, 0]], atol=bound + 1e-7)
 
 
-def test_closed_forms_by_hand():
-    """An edge of length 1, a circumference, a height: what they sweep."""
-    gradient, bound = scenes.step(0.0, 0.3).reference_gradient(2, 1)
-    np.testing.assert_allclose(gradient.offset, [[2, 0]], atol=bound)
-    np.testing.assert_allclose(gradient.angle, [[-1, 0]], atol=bound)  # the mean of -y is -1/2
-    gradient, bound = scenes.disc((0.5, 0.5), 0.2).reference_gradient(1, 1)
-    np.testing.assert_allclose(gradient.radius, [[2 * np.pi * 0.2]], atol=bound)
-    np.testing.assert_allclose(gradient.centre, np.zeros((1, 1, 2)), atol=bound)
-    gradient, bound = scenes.triangle([(0.1, 0.1), (0.7, 0.1), (0.2, 0.5)]).reference_gradient(1, 1)
-    np.testing.assert_allclose(gradient.vertices[0, 0, 2], [0, 0.3], atol=bound)
-    gradient, bound = scenes.heaviside(3, 1.5).reference_gradient(1, 1)
-    np.testing.assert_allclose(gradient.threshold, [[0.75]], atol=bound)
-
-
 def estimates(name, n, keys, kind=sequence):
     """Return the gradients by randomised points, shape (keys, height, width, numbers)."""
     made = [boundary_gradient(SCENES[name], kind(name, key), WIDTH, HEIGHT, n) for key in range(keys)]
@@ -115,9 +100,7 @@ def estimates(name, n, keys, kind=sequence):
 QUICK = ["staircase", "disc", "cut disc", "turned triangle", "cut triangle", "flat board", "heaviside(4)"]
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.slow) for name in SCENES]
-)
+@pytest.mark.parametrize("name", few(SCENES, *QUICK))
 def test_the_estimate_is_the_closed_form(name):
     """Within 5 sigma of the mean over 64 keys, for every pixel and parameter, and typically within one."""
     scene, keys, n = SCENES[name], 64, 2**10
@@ -139,23 +122,14 @@ def test_the_estimate_is_the_closed_form(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("name", "factor"),
-    [("disc", 10), ("flat board", 3)],
-)
-def test_low_discrepancy_beats_random(name, factor):
-    """By ``factor`` and more at 2**14 samples; 16 times as many lower the error to 1/16, random ones to 1/4.
-
-    A pixel's share of a curve is an interval of u, of which scrambled points miscount only the two ends. The
-    board has many lines, and so many ends a pixel.
-    """
-    exact = flat(SCENES[name].reference_gradient(WIDTH, HEIGHT)[0])
+def test_low_discrepancy_beats_random():
+    """By 10 and more at 2**14 samples; 16 times as many lower the error to 1/16, random ones to 1/4."""
+    exact = flat(SCENES["disc"].reference_gradient(WIDTH, HEIGHT)[0])
     random, scrambled = (
-        [np.sqrt(np.mean((estimates(name, n, 16, kind) - exact) ** 2)) for n in (2**10, 2**14)]
+        [np.sqrt(np.mean((estimates("disc", n, 16, kind) - exact) ** 2)) for n in (2**10, 2**14)]
         for kind in (lambda name, key: sequences.uniform(1, key=key), sequence)
     )
-    assert random[1] >= 2 * factor * scrambled[1]
-    assert 3.4 < random[0] / random[1] < 4.6
+    assert random[1] >= 20 * scrambled[1] and 3.4 < random[0] / random[1] < 4.6
     assert 11 < scrambled[0] / scrambled[1] < 23
 
 
@@ -215,32 +189,6 @@ def test_any_n_counts_each_point_once():
     assert one.max() == pytest.approx(12 * 2 * np.pi * 0.307, rel=1e-2)
 
 
-def test_a_new_parameter_does_not_compile():
-    """Nor does a new number of points in as many blocks."""
-    traces = []
-
-    @pytree
-    @dataclass(frozen=True)
-    class Counted:
-        radius: jax.Array
-        needs = ("x", "y")
-
-        def __call__(self, point):
-            return scenes.disc(radius=self.radius)(point)
-
-        def boundary(self, u):
-            traces.append(1)
-            return scenes.disc(radius=self.radius).boundary(u)
-
-    def total(radius, n):
-        gradient = boundary_gradient(Counted(radius), sequences.van_der_corput(), 8, 8, n)
-        assert float(gradient.radius.sum()) == pytest.approx(float(128 * np.pi * radius), rel=1e-3)
-        return len(traces)
-
-    once = total(jnp.float32(0.2), 64)
-    assert total(jnp.float32(0.3), 65) == once > 0
-
-
 @pytest.mark.slow
 def test_inside_a_program():
     """Compiled and mapped over keys: the same."""
@@ -255,27 +203,14 @@ test_bad_values_are_named = refused(
     (lambda: estimate(scenes.checkerboard()), "finitely many edges, got a Checker.*flat_checkerboard"),
     (lambda: estimate(Flat()), "scene.boundary must return points .1024, 2. .*got .1024, 1. and .1024,."),
     (lambda: estimate(scenes.heaviside(4)), "sequence must have the 3 dimensions.*Heaviside.*got 1"),
-    (
-        lambda: boundary_gradient(scenes.disc(), sequences.hammersley_net(3), 4, 4, 9),
-        "n must be an integer in .1, 8., got 9",
-    ),
+    (lambda: boundary_gradient(scenes.disc(), sequences.hammersley_net(3), 4, 4, 9), "n must be .*8., got 9"),
     (lambda: estimate(scenes.disc(), 65536, 65536), "width times height must be below 2"),
     error=ValueError,
 )
 
 
-class WithoutParameters:
-    """An object of a plain class, whose gradients have no place to go to."""
-
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        return point[..., 0]
-
-    def boundary(self, u):
-        return u, u[..., 0]
-
-
+METHODS = {"__call__": lambda self, point: point[..., 0], "boundary": lambda self, u: (u, u[..., 0])}
+WithoutParameters = type("WithoutParameters", (), METHODS | {"needs": ("x", "y")})
 test_wrong_types_are_named = refused(
     (lambda: estimate(scenes.zone_plate()), "scene must have boundary.*ZonePlate"),
     (lambda: estimate(WithoutParameters()), "scene must be a pytree with arrays as parameters"),

@@ -1,9 +1,6 @@
 """Derivatives of what renders, by every transformation, and the project's own rules of derivatives."""
 
-import ast
-from collections import Counter
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +17,6 @@ from qmcjax.core.parameters import moves_an_edge
 
 # Programs of few points.
 jit = partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-ROOT = Path(__file__).parents[2]
 SIDE, SPP = 4, 8
 SAMPLER = samplers.contiguous(orders.raster(SIDE, SIDE), sequences.roberts(2), SPP)
 POINTS = np.random.default_rng(1).uniform(0.1, 0.8, (SIDE, SIDE, 2, 2))
@@ -95,20 +91,6 @@ def test_every_transformation_is_the_difference(case):
         np.testing.assert_allclose(made["mapped"], [gradient(x), gradient(1.1 * x)], rtol=1e-11)
 
 
-def own_rules():
-    """Return how many derivatives of its own each module of the project defines."""
-    named = ("custom_jvp", "custom_vjp", "custom_gradient")
-    return Counter(
-        path.relative_to(ROOT).as_posix()
-        for top in ("qmcjax", "analysis", "figures")
-        for path in (ROOT / top).rglob("*.py")
-        if "custom_" in (source := path.read_text(encoding="utf-8"))
-        for node in ast.walk(ast.parse(source))
-        if (isinstance(node, ast.Attribute) and node.attr in named)
-        or (isinstance(node, ast.alias) and node.name.split(".")[-1] in named)
-    )
-
-
 CLOUD = np.random.default_rng(3).uniform(0.05, 0.95, (9, 2))
 
 
@@ -128,28 +110,19 @@ def of_blurred(points):
     return blur(made, jax.random.key(5), jnp.float64(1e-3)).values(points[None, None, None]).sum()
 
 
-RULES = {
-    "qmcjax/core/devices.py": {
-        "differentiable": (of_parts(lambda f, *given: devices.differentiable(f, None, *given)), 0.3),
-        "summed": (of_parts(lambda f, *given: devices.summed(f, None, True, *given)), 0.3),
-    },
-    "qmcjax/core/parameters.py": {"edge": (refused, 0.3)},
-    "analysis/_host.py": {"min_distance": (analysis.min_distance, CLOUD)},
-    "analysis/_design/expected_error.py": {"expected_error": (analysis.expected_error, POINTS[:2, :3])},
-    "analysis/_design/integrands.py": {"blurred": (of_blurred, CLOUD)},
-    "analysis/_distances/energies.py": {"riesz_energy": (analysis.riesz_energy, CLOUD)},
-    "analysis/_l2/l2_discrepancy.py": {"l2_star": (analysis.l2_star_discrepancy, CLOUD)},
-    "analysis/_spectra/point_spectrum.py": {
-        "point_spectrum": (lambda points: analysis.point_spectrum(points, 5)[0, 1], CLOUD)
-    },
+CASES = {
+    "differentiable": (of_parts(lambda f, *given: devices.differentiable(f, None, *given)), 0.3),
+    "summed": (of_parts(lambda f, *given: devices.summed(f, None, True, *given)), 0.3),
+    "edge": (refused, 0.3),
+    "min_distance": (analysis.min_distance, CLOUD),
+    "expected_error": (analysis.expected_error, POINTS[:2, :3]),
+    "blurred": (of_blurred, CLOUD),
+    "riesz_energy": (analysis.riesz_energy, CLOUD),
+    "l2_star": (analysis.l2_star_discrepancy, CLOUD),
+    "point_spectrum": (lambda points: analysis.point_spectrum(points, 5)[0, 1], CLOUD),
 }
-"""Each derivative of its own, by its module: a function of an array that calls it, and a place."""
+"""Each derivative that the project defines itself: a function of an array that calls it, and a place."""
 FORWARD = ("differentiable", "summed", "min_distance", "expected_error")
-CASES = {name: case for cases in RULES.values() for name, case in cases.items()}
-
-
-def test_all_rules_are_here():
-    assert own_rules() == dict.fromkeys(RULES, 1)
 
 
 def depends(program, moved):
@@ -209,7 +182,7 @@ def test_rules_give_derivatives_and_values_that_do_not_depend_on_tangents(name):
         made, value, gradient = jit(every)(x, step), jit(function), jit(jax.grad(function))
         slope = gradient(x)
         np.testing.assert_allclose(made["mapped"], [slope, slope], rtol=1e-12)
-        if name != "blurred":  # Its derivative is that of a blur of its values: test_known_integrands.py.
+        if name != "blurred":  # Its derivative is that of a blur of its values: test_expected_error.py.
             difference = (value(x + 1e-6 * step) - value(x - 1e-6 * step)) / 2e-6
             np.testing.assert_allclose(np.sum(slope * step), difference, rtol=1e-6)
         if forward_too:

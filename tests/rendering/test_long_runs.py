@@ -14,7 +14,6 @@ import jax
 import numpy as np
 import pytest
 import tables
-from refusals import refused
 
 import analysis
 import qmcjax as qj
@@ -154,13 +153,6 @@ def test_passes_end_with_the_time(monkeypatch):
     assert parts == sorted(parts) and parts[-1] == 1 and len(parts) == found.passes > 3
 
 
-test_bad_input_is_named = refused(
-    ({"seconds": [1, 2]}, TypeError, r"seconds must be one number, got \[1, 2\]"),
-    ({"checkpoint": 3}, TypeError, "checkpoint must be the path of a file or a Checkpoint, got 3"),
-    call=lambda given: passes(**given),
-)
-
-
 @pytest.mark.parametrize("known", [True, False])
 def test_checkpoints_are_for_what_is_known(tmp_path, known):
     def image(radius):
@@ -174,10 +166,8 @@ def test_checkpoints_are_for_what_is_known(tmp_path, known):
 
 def sweep(**given):
     """Return errors: times are not those of another run."""
-    table = analysis.convergence(
-        scenes.disc(), {"a": OWEN}, [1, 2, 4, 8], width=8, height=8, repeats=1, **given
-    )
-    return table.errors("a")
+    how = {"width": SIDE, "height": SIDE, "repeats": 1} | given
+    return analysis.convergence(scenes.disc(), {"a": OWEN}, [1, 2, 4, 8], **how).errors("a")
 
 
 def descent(checkpoint=None, **given):
@@ -205,11 +195,10 @@ def test_signals_wait_for_the_state(tmp_path, monkeypatch, small_calls, capsys, 
             with pytest.raises(Killed):
                 compute(checkpoint=path, progress=progress)
             assert signal.getsignal(signal.SIGTERM) is handler
-            saved, said = f"checkpoint '{path}'", capsys.readouterr().err.splitlines()
-            assert said[0] == f"interrupted: saving {saved} after this step (again: stop at once)"
-            assert (
-                said[1:] == [f"interrupted: {saved} is saved, the same call resumes from it"][: 2 - signals]
-            )
+            first, *rest = capsys.readouterr().err.splitlines()
+            assert first == f"interrupted: saving checkpoint '{path}' after this step (again: stop at once)"
+            resumes = f"interrupted: checkpoint '{path}' is saved, the same call resumes from it"
+            assert rest == [resumes][: 2 - signals]
     finally:
         signal.signal(signal.SIGTERM, before)
     rest = []
@@ -285,42 +274,36 @@ class Terminal(io.StringIO):
 
 
 @pytest.fixture
-def clock(monkeypatch):
-    """Return the seconds that tqdm sees, as a list of one."""
-    now = [1000.0]
-    monkeypatch.setattr("tqdm.std.time", lambda: now[0])
-    return now
+def reported(monkeypatch):
+    """Return a function that returns what is shown of parts that take a minute each."""
+
+    def shown(parts, label="", terminal=None):
+        terminal, now = Terminal() if terminal is None else terminal, [1000.0]
+        monkeypatch.setattr("tqdm.std.time", lambda: now[0])
+        monkeypatch.setattr("sys.stderr", terminal)
+        report = qj.progress_bar(label)
+        for part in parts:
+            report(part)
+            now[0] += 60
+        return [line for line in terminal.getvalue().split("\r") if line]
+
+    return shown
 
 
-def test_what_remains(monkeypatch, clock):
+def test_what_remains(reported):
     """Of a run that begins at 40 %, and takes a minute for each 10 %."""
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    report = qj.progress_bar("image: ")
-    for part in range(4, 11):
-        report(part / 10)
-        clock[0] += 60
-    shown = [line for line in terminal.getvalue().split("\r") if line]
+    shown = reported((0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0), "image: ")
     assert re.match(r"image: +40%\|.*\| 00:00<\?", shown[0])
     assert any(re.match(r"image: +60%\|.*\| 02:00<04:00", line) for line in shown)
     assert re.match(r"image: +100%\|.*\| 06:00<00:00", shown[-1])
 
 
-def test_nothing_where_nobody_looks(monkeypatch):
-    log = io.StringIO()
-    monkeypatch.setattr("sys.stderr", log)
-    report = qj.progress_bar()
-    report(0.5)
-    report(1.0)
-    assert log.getvalue() == ""
+def test_nothing_where_nobody_looks(reported):
+    assert reported((0.5, 1.0), terminal=io.StringIO()) == []
 
 
-def test_a_second_computation_has_a_bar_of_its_own(monkeypatch, clock):
-    terminal = Terminal()
-    monkeypatch.setattr("sys.stderr", terminal)
-    report = qj.progress_bar()
-    for part in (0.5, 1.0, 0.5, 0.25, 1.0):
-        report(part)
-        clock[0] += 60
-    assert terminal.getvalue().count("100%") >= 2
-    assert re.search(r" 25%\|[^|]*\| 00:00<\?", terminal.getvalue()), "less than before is a new beginning"
+def test_a_second_computation_has_a_bar_of_its_own(reported):
+    """Less than before is a new beginning."""
+    shown = reported((0.5, 1.0, 0.5, 0.25, 1.0))
+    assert sum("100%" in line for line in shown) >= 2
+    assert any(re.search(r" 25%\|[^|]*\| 00:00<\?", line) for line in shown)

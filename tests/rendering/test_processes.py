@@ -48,9 +48,8 @@ test_processes.kept(mesh, paths[0], lambda part: print("part", part, flush=True)
 
 def computed(mesh, *names):
     """Return digests of what is computed over devices."""
-    of = SPREAD | {
-        f"derivative of {name}": partial(compiled_derivative, make) for name, make in DIFFERENTIATED.items()
-    }
+    derivatives = {name: partial(compiled_derivative, make) for name, make in DIFFERENTIATED.items()}
+    of = SPREAD | {f"derivative of {name}": call for name, call in derivatives.items()}
     return {name: digest(of[name](mesh=mesh)) for name in names}
 
 
@@ -70,16 +69,9 @@ def start(code, *paths, count, each=None):
     """Start processes with the same arguments, or each with one of its own."""
     port = tables.free_port()
     given = [paths] * count if each is None else [(path,) for path in each]
-    return [
-        subprocess.Popen(
-            [sys.executable, "-c", START + code, str(port), str(count), str(process), *arguments],
-            env=tables.environment(),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for process, arguments in enumerate(given)
-    ]
+    command = [sys.executable, "-c", START + code, str(port), str(count)]
+    pipes = dict(env=tables.environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return [subprocess.Popen([*command, str(k), *more], **pipes) for k, more in enumerate(given)]
 
 
 def test_as_by_one_process():

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import rare_events
 from scipy.stats import binom
 from tables import slow
 
 import qmcjax as qj
-from figures.shared.integrands import rare_events
 from qmcjax import sequences
 from qmcjax.integration._estimate import estimate
 from qmcjax.integration._intervals import most_unseen
@@ -31,17 +31,13 @@ def of_counts(counts, n, spread, limits=None, kind="student"):
         return estimate(found, some, np.array([spread]), like, np.zeros(1), np.dtype(np.float32), **how)
 
 
-@pytest.mark.parametrize(
-    ("kind", "replicates"), [("student", 4), ("student", 8), ("student", 32), ("quantile", 32)]
-)
+@pytest.mark.parametrize("kind, replicates", [*(("student", n) for n in (4, 8, 32)), ("quantile", 32)])
 @pytest.mark.parametrize("limits", [None, (0, 1)])
 def test_counts_of_an_interval_cover_exactly(kind, replicates, limits):
     """Of x < p, a replicate has one of two counts, and all of them a binomial number of the larger one."""
     n, base = 64, 0 if limits else 3
-    made = [
-        of_counts([base + (r < k) for r in range(replicates)], n, 1.0, limits, kind)
-        for k in range(replicates + 1)
-    ]
+    counts = base + (np.arange(replicates) < np.arange(replicates + 1)[:, None])
+    made = [of_counts(each, n, 1.0, limits, kind) for each in counts]
     for level in (0.9, 0.95, 0.99):
         ends = np.array([each.interval(level) for each in made])[..., 0]
         for part in np.linspace(0, 1, 201):
@@ -130,27 +126,26 @@ MORE = [
 @pytest.mark.parametrize("cell", [(256, 4, False, 20), *slow(*MORE)], ids=str)
 def test_intervals_of_indicators_hold_or_are_not_sure(cell):
     """Of 8 events with 14 probabilities; Student's interval of the means alone misses the rare ones."""
-    found = rare_events.cell(*cell)
-    least = 0.95 - 5 * np.sqrt(0.95 * 0.05 / found.trials)
-    assert (found.held + found.unsure >= least).all()
-    if found.limits:
+    found, (n, replicates, limits, trials) = rare_events.cell(*cell), cell
+    assert (found.held + found.unsure >= 0.95 - 5 * np.sqrt(0.95 * 0.05 / trials)).all()
+    if limits:
         assert (found.unsure == 0).all()
-    elif found.n <= 2**10:
+    elif n <= 2**10:
         assert found.alone.min() < 0.5 and found.unsure.max() > 0.9
-    common = rare_events.expected(found) > 100
-    assert (found.unsure[common] == 0).all()
+    common = n * replicates * rare_events.EXACT.min(axis=-1)[0] > 100
+    assert (found.unsure[:, common] == 0).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("limits", [False, True])
 def test_tolerances_that_are_reached_hold(limits):
     """Of 640 results, with up to 8 * 2**16 points; with limits also those of events that never came."""
-    found = rare_events.stop_at_tolerance(range(10), 2**16, limits, (0, 2, 4, 6))
-    wrong = (found.reached & ~found.within).mean(axis=-1)
+    reached, within = rare_events.stop_at_tolerance(range(10), 2**16, limits, (0, 2, 4, 6))
+    wrong = (reached & ~within).mean(axis=-1)
     assert (wrong <= 0.05 + 5 * np.sqrt(0.05 * 0.95 / 10)).all()
     assert wrong.mean() <= 0.05
-    assert found.reached[:, 2:].mean() > 0.9
-    assert (found.reached[:, 0].mean() > 0.9) == limits  # of a probability of 1e-6
+    assert reached[:, 2:].mean() > 0.9
+    assert (reached[:, 0].mean() > 0.9) == limits  # of a probability of 1e-6
 
 
 def test_traced_replicates_make_no_doubt():

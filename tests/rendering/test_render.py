@@ -1,7 +1,6 @@
 """The way from scene and sampler to image."""
 
-import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -10,7 +9,7 @@ import numpy as np
 import pytest
 import tables
 from refusals import refused
-from tables import SAMPLERS, SIDE, SPP, first, some
+from tables import SAMPLERS, SIDE, SPP, first, slow, slow_cases, some
 
 import qmcjax as qj
 from figures.shared.costs import peak_of
@@ -54,20 +53,15 @@ def brute_force(scene, sampler, width, height, spp):
 def test_image_is_the_mean_of_the_samples(sampler):
     scene = qj.scenes.zone_plate(10.0)
     image = qj.render(scene, sampler, SIDE, SIDE, SPP)
-    assert image.shape == (SIDE, SIDE)
-    assert image.dtype == jnp.float32
+    assert image.shape == (SIDE, SIDE) and image.dtype == jnp.float32
     np.testing.assert_allclose(image, brute_force(scene, sampler, SIDE, SIDE, SPP), rtol=0, atol=2e-6)
 
 
-@pytest.mark.parametrize(
-    ("size", "spp"),
-    [((20, 9), 6), ((1, 7), 3)]
-    + [pytest.param((32, 32), spp, marks=pytest.mark.slow) for spp in (1, 3, 4, 6, 16)]
-    + [pytest.param((20, 9), spp, marks=pytest.mark.slow) for spp in (1, 3, 4, 16)]
-    + [pytest.param((1, 7), spp, marks=pytest.mark.slow) for spp in (1, 4, 6, 16)],
-)
-def test_colours_more_dimensions_and_any_size_and_count(size, spp):
-    width, height = size
+SIZES = [(20, 9, 6), (1, 7, 3), *slow_cases((32, 32, 16), (20, 9, 1), (1, 7, 4))]
+
+
+@pytest.mark.parametrize("width, height, spp", SIZES)
+def test_colours_more_dimensions_and_any_size_and_count(width, height, spp):
     sampler = samplers.contiguous(orders.hilbert(width, height), sequences.halton(5), spp)
     image = qj.render(PLANE, sampler, width, height, spp)
     assert image.shape == (height, width, 3)
@@ -87,16 +81,6 @@ def test_sums_are_compensated():
     assert abs(naive / spp - 0.1) > 1e-5
 
 
-def test_float64_on_request():
-    scene = qj.scenes.zone_plate()
-    sampler = SAMPLERS["contiguous, hilbert, sobol"]
-    double = qj.render(scene, sampler, SIDE, SIDE, SPP, dtype=jnp.float64)
-    assert double.dtype == jnp.float64
-    assert not jax.config.jax_enable_x64
-    single = qj.render(scene, sampler, SIDE, SIDE, SPP)
-    assert 0 < np.max(np.abs(np.asarray(single) - np.asarray(double))) < 1e-3
-
-
 def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
     scene, sampler, parts = qj.scenes.zone_plate(), samplers.independent(sequences.sobol(2), key=0), []
     whole = qj.render(scene, sampler, 16, 16, 48)
@@ -104,47 +88,6 @@ def test_progress_and_the_split_into_calls_do_not_change_the_image(monkeypatch):
     split = qj.render(scene, sampler, 16, 16, 48, progress=parts.append)
     assert parts == [32 / 48, 1.0], "the second call has half as many samples"
     assert np.array_equal(whole, split)
-
-
-def test_at_most_18_frames_of_the_library_lie_between_the_call_and_the_bits_of_a_point():
-    depths = []
-
-    def identity(reversed_bits):
-        frame, depth = sys._getframe(), 1
-        while frame := frame.f_back:
-            depth += frame.f_globals["__name__"].startswith("qmcjax.")
-        depths.append(depth)
-        return reversed_bits
-
-    sobol = sequences.sobol(2)
-    spied = replace(sobol, steps=(identity, sobol.steps[1]))
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.owen(spied, 1), 4)
-    qj.render(scenes.checkerboard(), sampler, 8, 8, 4)
-    assert 10 < max(depths) <= 18
-
-
-def test_one_trace_per_shape():
-    """New keys, new scene parameters and more samples with the same divisors do not compile again."""
-    traces = []
-
-    @jax.tree_util.register_dataclass
-    @dataclass(frozen=True)
-    class Counted:
-        level: jax.Array
-        needs = ("x", "y")
-
-        def __call__(self, point):
-            traces.append(1)
-            return point[..., 0] * self.level
-
-    def run(key, level, spp):
-        qj.render(Counted(jnp.float32(level)), samplers.independent(sequences.sobol(2), key), 8, 8, spp)
-
-    run(0, 1.0, 8)
-    once = len(traces)
-    run(1, 2.0, 8)
-    run(2, 3.0, 64)
-    assert len(traces) == once
 
 
 @jax.tree_util.register_dataclass
@@ -161,32 +104,12 @@ class LastCorner:
         pass
 
 
-@pytest.mark.parametrize("width", [*(pytest.param(w, marks=pytest.mark.slow) for w in (1, 512)), 3, 65536])
+@pytest.mark.parametrize("width", [3, 65536, *slow(1, 512)])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
 def test_points_stay_in_the_half_open_square(width, dtype):
     """The last pixel plus its largest offset rounds up to the width, which would be 1."""
     outside = scenes.function(lambda p: jnp.any((p < 0) | (p >= 1), axis=-1).astype(p.dtype), ("x", "y"))
     assert not np.any(qj.render(outside, LastCorner(), width, 1, 1, dtype=dtype))
-
-
-@pytest.mark.parametrize("spp", [*(pytest.param(spp, marks=pytest.mark.slow) for spp in (1, 4)), 24])
-def test_gradient_through_scene_parameters(spp):
-    """Against the closed form of a linear scene, and against finite differences of the zone plate."""
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(3), spp)
-    red = jax.jit(lambda a: qj.render(Plane(a), sampler, 8, 8, spp)[..., 0].sum())
-    slope = jax.grad(red)(jnp.float32(0.5))
-    assert float(slope) == pytest.approx(
-        brute_force(Plane(jnp.float32(1)), sampler, 8, 8, spp)[..., 0].sum(), rel=1e-5
-    )
-
-    @jax.jit
-    def brightness(frequency):
-        return (qj.render(qj.scenes.zone_plate(frequency), sampler, 8, 8, spp, dtype=jnp.float64) ** 2).sum()
-
-    with jax.enable_x64(True):
-        f, h = jnp.float64(40), 1e-5
-        expected = (brightness(f + h) - brightness(f - h)) / (2 * h)
-        assert float(jax.grad(brightness)(f)) == pytest.approx(float(expected), rel=1e-6)
 
 
 def in_float64(values):
@@ -205,21 +128,6 @@ test_values_have_the_dtype_and_shape_of_the_points = refused(
 
 
 @pytest.mark.slow
-def test_only_derivatives_that_are_wanted_are_taken():
-    """An edge refuses its own derivative, and nothing else's."""
-    sampler = samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 4)
-
-    def total(difficulty, shift):
-        return qj.render(qj.scenes.genz("discontinuous", 2, difficulty, shift), sampler, 4, 4, 4).sum()
-
-    slope = jax.grad(total)(jnp.float32(1), 0.5)
-    difference = (total(jnp.float32(1.01), 0.5) - total(jnp.float32(0.99), 0.5)) / 0.02
-    assert float(slope) == pytest.approx(float(difference), rel=1e-3)
-    with pytest.raises(ValueError, match=r"Genz\.shift moves an edge"):
-        jax.grad(total, argnums=1)(1.0, jnp.float32(0.5))
-
-
-@pytest.mark.slow
 def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     sampler = samplers.independent(sequences.sobol(2), key=0)
     slope = jax.grad(lambda f: (qj.render(qj.scenes.zone_plate(f), sampler, 16, 16, 48) ** 2).sum())
@@ -228,35 +136,17 @@ def test_gradient_does_not_depend_on_the_split_into_calls(monkeypatch):
     assert float(slope(jnp.float32(20))) == pytest.approx(float(whole), rel=1e-5)
 
 
-def test_vmap_over_scene_parameters_equals_a_loop():
-    sampler = samplers.contiguous(orders.hilbert(8, 8), sequences.sobol(2), 4)
-    image = lambda f: qj.render(qj.scenes.zone_plate(f), sampler, 8, 8, 4)  # noqa: E731
-    frequencies = jnp.array([10.0, 20.0, 30.0], jnp.float32)
-    np.testing.assert_allclose(
-        jax.vmap(image)(frequencies), [image(f) for f in frequencies], rtol=0, atol=1e-6
-    )
-
-
 SAMPLER = SAMPLERS["contiguous, hilbert, sobol"]
-SCENE = qj.scenes.zone_plate()
+SCENE, OF_A_NET = qj.scenes.zone_plate(), samplers.independent(sequences.hammersley_net(3), 0)
 POLE = qj.scenes.function(lambda p: 1 / abs(jnp.floor(32 * p[..., 1]) - 5), ("x", "y"))
 test_bad_values_are_named = refused(
     (lambda: qj.render(SCENE, SAMPLER, 32, 32, 5), "spp must be at most 4 .* got 5"),
-    (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the order's 32 x 32, got 16 x 16"),
+    (lambda: qj.render(SCENE, SAMPLER, 16, 16, 4), "must be the sampler's 32 x 32, got 16 x 16"),
     (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 32, 2), "spp must be 4, .* got 2"),
-    (
-        lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4),
-        "must be the net's 32 x 32, got 32 x 16",
-    ),
-    (
-        lambda: qj.render(PLANE, SAMPLER, 32, 32, 4),
-        r"must have the 3 dimensions .* got 2: \('time',\) are missing",
-    ),
+    (lambda: qj.render(SCENE, SAMPLERS["full_screen, hammersley"], 32, 16, 4), "32 x 32, got 32 x 16"),
+    (lambda: qj.render(PLANE, SAMPLER, 32, 32, 4), r"the 3 dimensions .* got 2: \('time',\) are missing"),
     (lambda: qj.render(POLE, SAMPLER, 32, 32, 4), r"finite values, got inf in pixel \(0, 5\), sample 0"),
-    (
-        lambda: qj.render(SCENE, samplers.independent(sequences.hammersley_net(3), 0), 4, 4, 9),
-        "spp must be at most 8 for this sequence, got 9",
-    ),
+    (lambda: qj.render(SCENE, OF_A_NET, 4, 4, 9), "spp must be at most 8 for this sequence, got 9"),
     error=ValueError,
 )
 
@@ -291,3 +181,50 @@ def test_a_large_image_is_kept_once(monkeypatch):
     del image  # its program is compiled
     peak = peak_of(make, scenes.disc())
     assert peak is None or peak < 1.5 * size
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 9])
+def test_each_frame_is_the_mean_of_the_last_images(count):
+    """To the last bit, however many came before."""
+    rng = np.random.default_rng(count)
+    images = rng.normal(size=(9, 3, 4)).astype(np.float32) * 10.0 ** rng.integers(-6, 7, size=(9, 1, 1))
+    frames = list(qj.sliding_means(images.astype(np.float32), count))
+    wide = images.astype(np.float32).astype(np.float64)
+    windows = [sum(wide[k + 1 : k + count], wide[k]) / count for k in range(10 - count)]
+    np.testing.assert_array_equal(frames, windows)
+    alone = [next(qj.sliding_means(wide[k : k + count], count)) for k in range(10 - count)]
+    np.testing.assert_array_equal(frames, alone)
+
+
+def test_images_are_asked_for_one_by_one_and_frames_are_their_own():
+    """What callers write to images afterwards, and to frames, leaves those to come alone."""
+    image, asked = np.zeros((2, 2)), []
+
+    def images():
+        for k in range(100):
+            asked.append(k)
+            image[:] = k
+            yield image
+
+    frames = qj.sliding_means(images(), 4)
+    for last in (3, 4, 5):
+        frame = next(frames)
+        assert np.all(frame == last - 1.5) and asked == list(range(last + 1))
+        frame[:] = 0
+    assert list(qj.sliding_means([image], 2)) == []
+
+
+def test_the_oldest_image_is_added_first():
+    """The last 1 is not lost in what was added before."""
+    images = [[a] for a in (5.0, 1e16, 1.0, -1e16, 1.0)]
+    assert [frame.tolist() for frame in qj.sliding_means(images, 4)][1] == [1 / 4]
+
+
+test_mistakes = refused(
+    (3, 1, TypeError, "images must be an iterable of images, got 3"),
+    ([np.ones(2), np.ones(3)], 2, r"images must have the same shape \(2,\), got \(3,\)"),
+    ([np.ones((2, 3)), np.ones((3, 2))], 2, r"have the same shape \(2, 3\), got \(3, 2\)"),
+    (tuple("ab"), 2, TypeError, "images must be made of real numbers, got 'a'"),
+    call=lambda images, count: list(qj.sliding_means(images, count)),
+    error=ValueError,
+)

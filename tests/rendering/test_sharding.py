@@ -18,7 +18,7 @@ import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
 
 SIDE, SPP = 8, 4
-SOBOL = sequences.sobol(2)
+SOBOL, CORPUT = sequences.sobol(2), sequences.van_der_corput()
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +64,7 @@ def check(mesh, function, mapped):
 
 
 def edges(key):
-    sequence = sequences.owen(sequences.van_der_corput(), key)
-    return qj.boundary_gradient(scenes.disc(), sequence, SIDE, SIDE, 256).radius
+    return qj.boundary_gradient(scenes.disc(), sequences.owen(CORPUT, key), SIDE, SIDE, 256).radius
 
 
 FREQUENCIES = jnp.array([10.0, 20.0, 30.0, 40.0], jnp.float32)
@@ -144,9 +143,7 @@ SPREAD = {
     "estimated_reference": partial(qj.estimated_reference, scenes.zone_plate(), *LARGE, 64, 1),
     "integrate": partial(qj.integrate, lambda p: {"y": p[:, 1], "2": p**2}, SOBOL, 2**21 + 77),
     "replicates": partial(qj.integrate, jnp.cos, SOBOL, 1000, replicates=3, key=1),
-    "boundary_gradient": partial(
-        qj.boundary_gradient, scenes.disc(), sequences.van_der_corput(), *LARGE, 2**13
-    ),
+    "boundary_gradient": partial(qj.boundary_gradient, scenes.disc(), CORPUT, *LARGE, 2**13),
     "convergence": lambda mesh: sweep(mesh),
     "pixel_means": partial(analysis.pixel_means, lambda p: p[..., 0] * p[..., 1], Z, *LARGE, SPP),
 }
@@ -177,14 +174,14 @@ def bump(x, width):
 
 
 DIFFERENTIATED = {
-    "render": lambda mesh, f: (
-        qj.render(scenes.zone_plate(60 * f), XOR(1), 150, 133, SPP, mesh=mesh) ** 2
-    ).sum(),
+    "render": lambda mesh, f: sq(qj.render(scenes.zone_plate(60 * f), XOR(1), 150, 133, SPP, mesh=mesh)),
     "integrate": lambda mesh, x: qj.integrate(bump(x, x + 5), SOBOL, 2**21 + 77, mesh=mesh),
-    "pixel_means": lambda mesh, x: (
-        analysis.pixel_means(bump(x, x + 5), samplers.z(24, 17, SPP, 1), 24, 17, SPP, mesh=mesh) ** 2
-    ).sum(),
+    "pixel_means": lambda mesh, x: sq(analysis.pixel_means(bump(x, x + 5), Z, *LARGE, SPP, mesh=mesh)),
 }
+
+
+def sq(values):
+    return (values**2).sum()
 
 
 def check_meshes(make, counts):

@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scene_tables import mixed
+from test_programs import Long
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -14,13 +15,9 @@ from qmcjax.rendering import _accumulation
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
 SPP = 10
-SCENES = {
-    name: getattr(scenes, name)()
-    for name in (
-        "checkerboard flat_checkerboard disc step triangle line staircase moving_edge blinking_disc ball "
-        "defocused_edge soft_shadow"
-    ).split()
-}
+NAMES = """checkerboard flat_checkerboard disc step triangle line staircase moving_edge blinking_disc ball
+    defocused_edge soft_shadow"""
+SCENES = {name: getattr(scenes, name)() for name in NAMES.split()}
 QUICK = {("disc", 64), ("defocused_edge", 37)}
 """Each scene compiles for a second or more: the others are slow tests."""
 TWICE = ("checkerboard", "disc", "step")
@@ -45,9 +42,8 @@ def doubtful(scene, width, height):
     corners = (width + height) // 6
     if not isinstance(scene, scenes.Checkerboard):
         return corners
-    return (
-        corners + width * (1 + 2 * (height % 2 == 0) + 2 * (height % 4 == 0)) + 2 * height * (width % 2 == 0)
-    )
+    rows, columns = 1 + 2 * (height % 2 == 0) + 2 * (height % 4 == 0), 2 * (width % 2 == 0)
+    return corners + width * rows + height * columns
 
 
 def cases():
@@ -84,10 +80,7 @@ def test_the_image_is_the_same_from_fewer_samples(name, width, height, make):
 
 
 def integer_operations(scene):
-    """Return the operations on integers of the program of an image, in order: those that make points.
-
-    Names of values are left out, and so is the order of arguments.
-    """
+    """Return the operations on integers of the program of an image, in order: those that make points."""
     width, height, dims = 8, 8, tuple(range(len(scene.needs)))
     sampler = along(width, height, 4)
     state = _accumulation.zeros(scene, (1, width * height), jnp.float32)
@@ -110,32 +103,12 @@ def integer_operations(scene):
     ids=lambda scene: type(scene).__name__,
 )
 def test_what_stands_still_pays_nothing(still, plain, moving):
-    """No operation to generate time, lens or light, though the sampler has them; and there are some if not.
-
-    Coordinates are made of integers, values are not: what a stray coordinate adds is among the integers.
-    """
+    """No operation generates time, lens or light, though the sampler has them; some do otherwise."""
     operations = integer_operations(plain)
     assert len(operations) > 100
     assert integer_operations(still) == operations
     more = integer_operations(moving)
     assert len(more) >= len(operations) + 20 * (len(moving.needs) - 2)
-
-
-class Long:
-    """A ball that says how its program is made: it counts how often it is, to shapes of points."""
-
-    unrolled = 1
-    needs = scenes.ball().needs
-
-    def __init__(self):
-        self.made = []
-
-    def varies(self, low, high):
-        return scenes.ball().varies(low, high)
-
-    def __call__(self, point):
-        self.made.append(point.shape)
-        return scenes.ball()(point)
 
 
 @pytest.mark.slow
@@ -144,7 +117,7 @@ def test_a_long_program_is_compiled_once_for_what_varies():
     scene, sampler = Long(), along(64, 64, 3)
     result = qj.render_adaptive(scene, sampler, 64, 64, SPP)
     # For the type of its values, at the centres, and for the samples.
-    assert {np.prod(shape[:-1]) for shape in scene.made} == {64 * 64, 1024}
+    assert {np.prod(shape[:-1]) for shape in scene.traced} == {64 * 64, 1024}
     other = qj.render_adaptive(scenes.ball(), sampler, 64, 64, SPP)
     np.testing.assert_allclose(result.image, other.image, atol=4 * float(np.finfo(np.float32).eps))
     np.testing.assert_array_equal(result.counts, other.counts)

@@ -1,45 +1,19 @@
 """The samplers of the Hilbert paper: segments, partitions, shifts, fresh passes, and selected components."""
 
-from dataclasses import dataclass
 from fractions import Fraction
-from itertools import product
-from math import prod
+from functools import cache
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import first, is_net, pixels, points_of, reflected, refuses
+from refusals import refused
+from tables import first, is_net, pixels, points_of, reflected, slow_cases
 
 import analysis
 import qmcjax as qj
-from qmcjax import orders, samplers, sequences
+from qmcjax import orders, samplers, scenes, sequences
 
 SOBOL, HALTON = sequences.sobol(2), sequences.halton(4)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seq", [sequences.owen(sequences.sobol(4), 7), HALTON])
-def test_components_are_columns(seq):
-    chosen = sequences.components(seq, (3, 0, 2))
-    index = jnp.asarray(first(100) * np.uint32(40_000_001))
-    points = jax.jit(lambda seq, dims: seq(index, dims), static_argnums=1)
-    assert (chosen.dims, chosen.size) == (3, None)
-    assert np.array_equal(points(chosen, None), points(seq, (3, 0, 2)))
-    assert np.array_equal(points(chosen, (2, 0)), points(seq, (2, 3)))
-    if seq is not HALTON:
-        bits = jax.jit(lambda seq, dims: seq.bits(index, dims), static_argnums=1)
-        assert np.array_equal(bits(chosen, (1, 2)), bits(seq, (0, 2)))
-        flips = np.asarray(bits(sequences.digital_shift(chosen, 1), None)) ^ np.asarray(bits(chosen, None))
-        assert np.all(flips == flips[0])
-
-
-def test_many_components_of_a_long_run():
-    """Beyond the sizes from which blocks are tabulated, and in nets, which end."""
-    seq = sequences.owen(sequences.sobol(12), 3)
-    chosen = sequences.components(seq, tuple(range(11, 0, -1)))
-    assert np.array_equal(chosen.points(8192), seq.points(8192)[:, :0:-1])
-    assert sequences.components(sequences.hammersley_net(3), (1,)).size == 8
 
 
 @pytest.mark.parametrize(
@@ -49,16 +23,13 @@ def test_many_components_of_a_long_run():
         (orders.morton(8, 8), sequences.sobol(3), 0, True),
         (orders.peano(9, 9), sequences.halton(3, "random", key=7), 1, True),
         (orders.raster(1, 1), HALTON, 3, False),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in [
-                (orders.hilbert(8, 8), sequences.halton(3, "zaremba"), 0, True),
-                (orders.hilbert(8, 8), sequences.components(HALTON, (3, 0, 2)), 1, True),
-                (orders.peano(9, 9), sequences.halton(3, "faure_lemieux"), 1, True),
-                (orders.peano(9, 9), sequences.faure(3), 0, True),
-                (orders.raster(5, 25), HALTON, 2, False),
-                (orders.raster(2, 1), HALTON, 0, False),
-            ]
+        *slow_cases(
+            (orders.hilbert(8, 8), sequences.halton(3, "zaremba"), 0, True),
+            (orders.hilbert(8, 8), sequences.components(HALTON, (3, 0, 2)), 1, True),
+            (orders.peano(9, 9), sequences.halton(3, "faure_lemieux"), 1, True),
+            (orders.peano(9, 9), sequences.faure(3), 0, True),
+            (orders.raster(5, 25), HALTON, 2, False),
+            (orders.raster(2, 1), HALTON, 0, False),
         ),
     ],
 )
@@ -97,12 +68,11 @@ def test_doubling_iterations_are_nets():
     assert not any(is_net(pixel, 2) for pixel in together)
 
 
+OTHER = [(sequences.components(HALTON, (1, 2)), False)]
+
+
 @pytest.mark.filterwarnings("ignore:component")
-@pytest.mark.parametrize(
-    ("sequence", "less"),
-    [(sequences.owen(SOBOL, key), True) for key in range(4)]
-    + [(sequences.components(HALTON, (1, 2)), False)],
-)
+@pytest.mark.parametrize("sequence, less", [(sequences.owen(SOBOL, key), True) for key in range(4)] + OTHER)
 def test_doubling_makes_the_samples_of_a_pixel_more_uniform(sequence, less):
     """Than iterations of 2 samples, unless bases are co-prime to the curve: mean discrepancies."""
     found = []
@@ -116,9 +86,7 @@ def test_doubling_makes_the_samples_of_a_pixel_more_uniform(sequence, less):
 def test_a_component_that_is_not_co_prime_to_the_curve_never_fills_a_pixel():
     """And none else: the warning's reason, and what helps."""
     order = orders.hilbert(8, 8)
-    with pytest.warns(
-        UserWarning, match="component 1 .* base 2, and the curve of length 64 are not co-prime"
-    ):
+    with pytest.warns(UserWarning, match="component 1 .* base 2, and .* length 64 are not co-prime"):
         sampler = samplers.segments(order, sequences.components(HALTON, (1, 0, 2)), 1)
     there = np.uint32(3), np.uint32(3), first(512)
     pixel = np.asarray(points_of(sampler, *there, (0, 1, 2)))
@@ -177,17 +145,6 @@ def owen_pass(key):
     return samplers.contiguous(orders.hilbert(4, 4), sequences.owen(sequences.sobol(4), key), 2)
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Product:
-    """1/4 in the mean over the two dimensions that are not the pixel's, in every pixel."""
-
-    needs = ("x", "y", "u", "v")
-
-    def __call__(self, point):
-        return point[..., 2] * point[..., 3]
-
-
 @pytest.mark.slow
 def test_samples_of_a_pass_are_those_of_its_sampler():
     """In any order, of many passes at once; passes and keys differ."""
@@ -208,20 +165,41 @@ def test_samples_of_a_pass_are_those_of_its_sampler():
     assert np.array_equal(short[sample == 3], of_pass[sample == 3])
 
 
+PRODUCT = scenes.function(lambda point: point[..., 2] * point[..., 3], ("x", "y", "u", "v"))
+"""1/4 in the mean over the two dimensions that are not the pixel's, in every pixel."""
+
+
+@cache
+def images_of_passes():
+    sampler = samplers.randomized(owen_pass, key=5)
+    return sampler, np.array([qj.render(PRODUCT, sampler.of_pass(k), 4, 4, 2) for k in range(24)], np.float64)
+
+
+def test_the_criterion_stops_where_it_holds():
+    """At the first error that is small enough, whatever the number of passes."""
+    sampler, stack = images_of_passes()
+    errors = {n: np.sqrt(stack[:n].var(axis=0, ddof=1).mean() / n) for n in range(2, 25)}
+    for wanted in (2, 20):
+        tolerance = 1.001 * min(errors[n] for n in range(2, wanted + 1))
+        result = qj.render_passes(PRODUCT, sampler, 4, 4, 24, tolerance=tolerance)
+        assert result.passes == next(n for n, error in errors.items() if error <= tolerance)
+        assert float(result.error) <= tolerance
+    assert qj.render_passes(PRODUCT, sampler, 4, 4, 3, tolerance=1e-6).passes == 3
+
+
 @pytest.mark.slow
 def test_passes_give_mean_and_variance():
     """Against numpy on the stack of images, and against one image of all samples."""
-    sampler = samplers.randomized(owen_pass, key=5)
-    result = qj.render_passes(Product(), sampler, 4, 4, 7)
-    stack = [qj.render(Product(), sampler.of_pass(k), 4, 4, 2) for k in range(7)]
-    stack = np.asarray(stack, np.float64)
+    sampler, stack = images_of_passes()
+    stack = stack[:7]
+    result = qj.render_passes(PRODUCT, sampler, 4, 4, 7)
     assert result.passes == 7
     assert result.image.dtype == result.variance.dtype == result.error.dtype == jnp.float32
     np.testing.assert_allclose(result.image, stack.mean(axis=0), rtol=1e-6)
     np.testing.assert_allclose(result.variance, stack.var(axis=0, ddof=1) / 7, rtol=1e-5)
     assert float(result.error) == pytest.approx(np.sqrt(np.mean(result.variance)), rel=1e-6)
-    np.testing.assert_allclose(qj.render(Product(), sampler, 4, 4, 14), result.image, rtol=1e-6)
-    double = qj.render_passes(Product(), sampler, 4, 4, 2, dtype=jnp.float64)
+    np.testing.assert_allclose(qj.render(PRODUCT, sampler, 4, 4, 14), result.image, rtol=1e-6)
+    double = qj.render_passes(PRODUCT, sampler, 4, 4, 2, dtype=jnp.float64)
     assert double.image.dtype == double.variance.dtype == jnp.float64
     np.testing.assert_allclose(double.variance, np.square(stack[0] - stack[1]) / 4, rtol=0, atol=1e-7)
 
@@ -234,7 +212,7 @@ def test_passes_are_unbiased():
     mean, variance = moment[1], moment[2] - moment[1] ** 2
     fourth = moment[4] - 4 * moment[3] * mean + 6 * moment[2] * mean**2 - 3 * mean**4
     sampler = samplers.randomized(owen_pass, key=1, spp=1)
-    result = qj.render_passes(Product(), sampler, 4, 4, passes)
+    result = qj.render_passes(PRODUCT, sampler, 4, 4, passes)
     assert np.all(np.abs(np.asarray(result.image) - mean) < 5 * np.sqrt(variance / passes))
     # As if the pixels, which share a net, were one.
     found = passes * float(jnp.mean(result.variance))
@@ -243,135 +221,29 @@ def test_passes_are_unbiased():
     assert 0.2 < np.mean(errors**2) < 3
 
 
-def test_a_new_pass_or_key_compiles_nothing():
-    traces = []
-
-    @jax.tree_util.register_dataclass
-    @dataclass(frozen=True)
-    class Counted:
-        needs = ("x", "y")
-
-        def __call__(self, point):
-            traces.append(1)
-            return point[..., 0]
-
-    scene = Counted()
-    qj.render_passes(scene, samplers.randomized(owen_pass, key=0), 4, 4, 2)
-    start = len(traces)
-    qj.render_passes(scene, samplers.randomized(owen_pass, key=1), 4, 4, 5)
-    assert len(traces) == start
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Constant:
-    """A sampler of one point."""
-
-    value: jax.Array
-    dims = 3
-
-    def __call__(self, x, y, sample, dims, dtype):
-        return jnp.broadcast_to(self.value.astype(dtype), (*x.shape, len(dims)))
-
-    def check(self, width, height, spp):
-        pass
-
-
-@dataclass
-class Prescribed:
-    """Passes of ``Doubled`` with given values in [0, 1]."""
-
-    values: tuple[float, ...]
-    spp = 1
-
-    def of_pass(self, number):
-        return Constant(jnp.float32(self.values[number] / 2))
-
-
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Doubled:
-    needs = ("x", "y", "u")
-
-    def __call__(self, point):
-        return 2 * point[..., 2]
-
-
-def test_stopping_by_the_criterion_is_biased():
-    """All 16 outcomes of four passes that are 1 with probability 1/4: where two are equal, passes end."""
-    p, expected = 0.25, {"all": 0.0, "stopped": 0.0}
-    for values in product((0.0, 1.0), repeat=4):
-        chance = prod(p if v else 1 - p for v in values)
-        result = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 4, tolerance=0.1)
-        used = 2 if values[0] == values[1] else 4
-        assert result.passes == used
-        assert float(result.image[0, 0]) == np.mean(values[:used])
-        rounding = np.finfo(np.float32).eps * np.mean(values[:used])
-        assert float(result.error) == pytest.approx(
-            np.hypot(np.std(values[:used], ddof=1) / np.sqrt(used), rounding)
-        )
-        expected["stopped"] += chance * float(result.image[0, 0])
-        every = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 4)
-        expected["all"] += chance * float(every.image[0, 0])
-    assert expected["all"] == pytest.approx(p)
-    assert expected["stopped"] == pytest.approx(0.203125)
-
-
-def test_the_criterion_stops_where_it_holds():
-    """At the first error that is small enough, whatever the number of passes."""
-    rng = np.random.default_rng(1)
-    values = (0.0, 1.0, *rng.random(38, np.float32).tolist())
-    errors = [np.std(values[:k], ddof=1) / np.sqrt(k) for k in range(2, 41)]
-    for tolerance in (0.1, 0.06):
-        result = qj.render_passes(Doubled(), Prescribed(values), 1, 1, 40, tolerance=tolerance)
-        assert result.passes == 2 + int(np.argmax(np.array(errors) <= tolerance)) > 5
-        assert float(result.error) <= tolerance
-    assert qj.render_passes(Doubled(), Prescribed(values), 1, 1, 3, tolerance=1e-6).passes == 3
-
-
 HILBERT = orders.hilbert(8, 8)
 FEW = sequences.digital(SOBOL.matrices[1:])
 LOWER = sequences.digital(np.stack([np.uint32(2**32 - 1) >> first(32), SOBOL.matrices[1]]))
 """Lower triangular: the leading digits repeat, but are no reflected ones."""
+NET = sequences.hammersley_net(4)
 
 
-test_bad_input_is_named = refuses(
-    ValueError,
-    {
-        "spp must be at most 67108864: .* got 67108865": lambda: samplers.segments(HILBERT, FEW, 2**26 + 1),
-        "width, height must be the order's 8 x 8, got 8 x 9": lambda: samplers.segments(
-            HILBERT, FEW, 4
-        ).check(8, 9, 1),
-        "order.length must be a power of 3, the base of component=1, got 64": lambda: samplers.partitioned(
-            HILBERT, HALTON, 1
-        ),
-        r"got order.length=24 and the bases \(2, 3, 5, 7\)": lambda: samplers.partitioned(
-            orders.raster(6, 4), HALTON
-        ),
-        "component=0 of LatticeSequence": lambda: samplers.partitioned(HILBERT, sequences.lattice(2), 0),
-        "component=0 of Gray": lambda: samplers.partitioned(HILBERT, sequences.gray(SOBOL), 0),
-        r"component must be .* \[0, 3\], got 4": lambda: samplers.partitioned(HILBERT, HALTON, 4),
-        "exact must be False .* got exact=True, component=0 of Owen": lambda: samplers.partitioned(
-            HILBERT, sequences.owen(SOBOL, 1), exact=True
-        ),
-        "exact must be False .* got exact=True, component=0 of Digital": lambda: samplers.partitioned(
-            HILBERT, LOWER, exact=True
-        ),
-        "order.length must be at most the sequence's 16 points, got 64": lambda: samplers.partitioned(
-            HILBERT, sequences.hammersley_net(4)
-        ),
-        "shifts must have at least the sequence's 4 dims, got 2": lambda: samplers.shifted(
-            HILBERT, sequences.halton(2), HALTON
-        ),
-        "shifts must have a point for each of the curve's 64 positions, got 16": lambda: samplers.shifted(
-            HILBERT, sequences.hammersley_net(4), SOBOL
-        ),
-        "spp must be at most 16 .* got 17": lambda: samplers.shifted(
-            HILBERT, SOBOL, sequences.hammersley_net(4)
-        ).check(8, 8, 17),
-        "spp must be given, since Independent has none": lambda: samplers.randomized(
-            lambda key: samplers.independent(SOBOL, key), 0
-        ),
-        "spp must be at most 2 .* got 3": lambda: samplers.randomized(owen_pass, 0, spp=3).check(4, 4, 30),
-    },
+partitioned, shifted = samplers.partitioned, samplers.shifted
+test_bad_input_is_named = refused(
+    (samplers.segments, HILBERT, FEW, 2**26 + 1, "spp must be at most 67108864: .* got 67108865"),
+    (samplers.segments(HILBERT, FEW, 4).check, 8, 9, 1, "width, height must be .* 8 x 8, got 8 x 9"),
+    (partitioned, HILBERT, HALTON, 1, "order.length must be a power of 3, the base of component=1, got 64"),
+    (partitioned, orders.raster(6, 4), HALTON, r"got order.length=24 and the bases \(2, 3, 5, 7\)"),
+    (partitioned, HILBERT, sequences.lattice(2), 0, "component=0 of lattice"),
+    (partitioned, HILBERT, sequences.gray(SOBOL), 0, "component=0 of gray"),
+    (partitioned, HILBERT, HALTON, 4, r"component must be .* \[0, 3\], got 4"),
+    (partitioned, HILBERT, sequences.owen(SOBOL, 1), None, True, "got exact=True, component=0 of owen"),
+    (partitioned, HILBERT, LOWER, None, True, "exact must be False .* exact=True, component=0 of digital"),
+    (partitioned, HILBERT, NET, "order.length must be at most the sequence's 16 points, got 64"),
+    (shifted, HILBERT, sequences.halton(2), HALTON, "shifts must have at least the sequence's 4 dims, got 2"),
+    (shifted, HILBERT, NET, SOBOL, "shifts must have a point for each of the curve's 64 positions, got 16"),
+    (shifted(HILBERT, SOBOL, NET).check, 8, 8, 17, "spp must be at most 16 .* got 17"),
+    (samplers.randomized, lambda key: samplers.independent(SOBOL, key), 0, "spp must be given, .* Indep"),
+    (samplers.randomized(owen_pass, 0, spp=3).check, 4, 4, 30, "spp must be at most 2 .* got 3"),
+    error=ValueError,
 )

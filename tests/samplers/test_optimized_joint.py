@@ -9,10 +9,9 @@ import pytest
 from tables import first, points_of, slow, slow_cases
 
 import analysis
-from figures.ours import space_time
-from figures.shared.integrands import animations, integrands_of_dims
+from figures.shared.integrands import integrands_of_dims
 from qmcjax import orders, samplers, sequences
-from qmcjax.sequences._protocol.binary import Fraction
+from qmcjax.core.bits import reverse
 
 KEY = 5
 SEQUENCES = {4: sequences.niederreiter_xing, 8: sequences.sobol}
@@ -56,19 +55,6 @@ def indices(dims, spp, x, y):
     return found
 
 
-def test_words_have_digits_of_their_level_and_finer_ones_and_are_independent():
-    table = rows()
-    assert set(table) == {(d, 2**k) for d in SEQUENCES for k in range(7)}
-    for (_, spp), words in table.items():
-        assert len(words) == 16
-        for level in range(8):
-            pair = [words[2 * level + k] // spp for k in (0, 1)]
-            assert max(pair) < 4 ** (level + 1)
-            assert sorted(
-                {0, pair[0] >> 2 * level, pair[1] >> 2 * level, (pair[0] ^ pair[1]) >> 2 * level}
-            ) == [0, 1, 2, 3]
-
-
 @pytest.mark.parametrize(("dims", "spp"), CASES)
 def test_points_are_those_of_the_sequence_at_mapped_indices(dims, spp):
     """Also beyond the searched levels, whose digits are those of the Morton order."""
@@ -78,9 +64,8 @@ def test_points_are_those_of_the_sequence_at_mapped_indices(dims, spp):
     sample = rng.integers(0, spp, 200).astype(np.uint32)
     index = indices(dims, spp, x & 255, y & 255)
     for k in (8, 9):
-        index |= ((x >> k & 1).astype(np.int64) | (y >> k & 1).astype(np.int64) << 1) << 2 * k + (
-            spp.bit_length() - 1
-        )
+        digit = (x >> k & 1).astype(np.int64) | (y >> k & 1).astype(np.int64) << 1
+        index |= digit << 2 * k + (spp.bit_length() - 1)
     index = index.astype(np.uint32) ^ sample
     every = tuple(range(dims))
     assert np.array_equal(sampler(x, y, sample, every), scrambled(dims)(index))
@@ -110,17 +95,6 @@ def moving_rows():
     return found
 
 
-def test_columns_of_frames_are_triangular_and_words_of_their_levels():
-    """So each coordinate is stratified in windows of pixels and frames."""
-    for spp, (words, columns) in moving_rows().items():
-        for level in range(8):
-            one, other = (words[2 * level + k] // spp >> 2 * level for k in (0, 1))
-            assert sorted({0, one, other, one ^ other}) == [0, 1, 2, 3]
-        for k in range(columns.shape[1]):
-            assert np.all(columns[:, k] >> (31 - k) & 1 == 1)
-            assert np.all(columns[:, k] & (2 ** (31 - k) - 1) == 0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("dims", "spp"), [(4, 1), (3, 4), (4, 16)])
 def test_frames_are_those_of_the_searched_matrices(dims, spp):
@@ -146,11 +120,9 @@ def test_frames_are_those_of_the_searched_matrices(dims, spp):
         moved = np.sum(digits << np.arange(31, -1, -1)[:, None], axis=0)
         bits = np.asarray(sobol.bits(index.astype(np.uint32))) ^ moved.astype(np.uint32)
         scrambled = sequences.owen(sequences.sobol(dims), KEY)
-        expected = scrambled.mapped(
-            Fraction(lambda bits=bits: jnp.asarray(bits[:, :dims])), tuple(range(dims))
-        )
+        expected = reverse(scrambled.f.bit_reversed(reverse(jnp.asarray(bits[:, :dims])), tuple(range(dims))))
         found = sampler.at_frame(t)(x, y, sample, tuple(range(dims)), jnp.float64)
-        assert np.array_equal(np.asarray(found) * 2.0**32, np.asarray(expected.word(), np.float64))
+        assert np.array_equal(np.asarray(found) * 2.0**32, np.asarray(expected, np.float64))
 
 
 @pytest.mark.slow
@@ -223,9 +195,8 @@ def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, 
 
     def filtered(sampler):
         image = integrands_of_dims.errors(sampler, 64, spp, dims)
-        error = [
-            analysis.filtered_error(one[..., None], 0 * one[..., None]) for one in np.moveaxis(image, 2, 0)
-        ]
+        images = np.moveaxis(image[..., None], 2, 0)
+        error = [analysis.filtered_error(one, 0 * one) for one in images]
         return np.mean(np.log(error))
 
     curve, logarithms = orders.hilbert(64, 64), []
@@ -236,21 +207,6 @@ def test_errors_are_smaller_after_the_filter_than_along_the_hilbert_curve(dims, 
     standard_error = np.std(logarithms, ddof=1) / np.sqrt(len(logarithms))
     assert np.mean(logarithms) + 5 * standard_error < 0
     assert np.mean(logarithms) < np.log(MARGIN) + standard_error
-
-
-@pytest.mark.slow
-def test_errors_of_frames_are_smaller_than_along_the_hilbert_curve_after_all_filters():
-    """One sample, of equal sequences: by 4 standard errors, and 2 where the moving average is alone."""
-    ways = [animations.METHODS[f"{name}, in time"] for name in ("optimised orders", "Hilbert, Owen")]
-    logarithms = []
-    for key in range(1, 9):
-        of = [animations.errors(way(32, 1, 4, key), (32, 32, 32), 1, 4) for way in ways]
-        logarithms.append(np.log(space_time.columns(of[0])) - np.log(space_time.columns(of[1])))
-    mean = np.mean(logarithms, axis=0)
-    standard_error = np.std(logarithms, axis=0, ddof=1) / np.sqrt(len(logarithms))
-    in_space, alone, blocks = [0, 1, 2], 3, 5
-    assert np.all((mean + 4 * standard_error)[[*in_space, blocks]] < 0)
-    assert mean[alone] + 2 * standard_error[alone] < 0
 
 
 make = pytest.importorskip("analysis.tables.joint_orders", exc_type=ImportError)

@@ -1,6 +1,5 @@
 """From pixel to index: Halton over the raster, scrambled nets and sequences, padded replications."""
 
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import product
 
@@ -8,11 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import NETS, Table, first, pixels, points_of, reflected, refuses, slow, some
+from refusals import refused
+from tables import NETS, Table, few, first, pixels, points_of, reflected, slow, slow_cases, some
 
 import analysis
 import qmcjax as qj
-from qmcjax import samplers, sequences
+from qmcjax import samplers, scenes, sequences
 from qmcjax.samplers._full_screen import HaltonFullScreen
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
@@ -60,9 +60,7 @@ def numerators(seq, index):
 
 
 @some("seq", HALTON, "plain", "faure", "random")
-@pytest.mark.parametrize(
-    ("width", "height", "a", "b"), [(5, 10, 3, 3), pytest.param(8, 9, 3, 2, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize("width, height, a, b", [(5, 10, 3, 3), *slow_cases((8, 9, 3, 2))])
 def test_halton_over_the_raster_and_back(seq, width, height, a, b):
     """All points of three blocks sorted into pixels: each pixel's have its indices, pixels and offsets."""
     sampler = samplers.full_screen(seq, width, height)
@@ -78,14 +76,15 @@ def test_halton_over_the_raster_and_back(seq, width, height, a, b):
     assert np.array_equal(points, (exact % units) / units)
 
 
-@pytest.mark.parametrize(
-    ("width", "height", "spp"),
-    [(8192, 8192, 26), (1920, 1080, 958), (65536, 59049, 1), (16384, 65536, 1), (1, 1, 2**32)],
-)
-def test_halton_over_large_rasters_against_python_integers(width, height, spp):
+LARGE = [(8192, 8192, 26), (1920, 1080, 958), (65536, 59049, 1), (16384, 65536, 1), (1, 1, 2**32)]
+LARGE = [*((*size, "plain") for size in LARGE), *slow_cases((8192, 8192, 26, "random"))]
+
+
+@pytest.mark.parametrize("width, height, spp, name", LARGE)
+def test_halton_over_large_rasters_against_python_integers(width, height, spp, name):
     """Indices up to the last below 2**32; offsets have full precision, also in float32."""
-    sampler = samplers.full_screen(sequences.halton(2), width, height)
-    assert sampler.spp == spp
+    sampler = samplers.full_screen(HALTON[name], width, height)
+    assert sampler.fits.spp == spp
     a, b = (width - 1).bit_length(), next(b for b in range(12) if 3**b >= height)
     rng = np.random.default_rng(3)
     x, y, sample = (
@@ -94,6 +93,12 @@ def test_halton_over_large_rasters_against_python_integers(width, height, spp):
     )
     arguments = tuple(map(jnp.asarray, (x, y, sample)))
     index, double, single = map(np.asarray, inverted(sampler, *arguments))
+    if name == "random":  # With a permutation for each of 21 ternary digits, of which 9 are the row.
+        exact, units = numerators(HALTON[name], index), np.array([2 ** (32 - a), 3 ** (21 - b)])
+        assert np.array_equal(index // (2**a * 3**b), sample)
+        assert np.array_equal(exact // units, np.stack([x, y], axis=1))
+        assert np.array_equal(double, (exact % units) / units)
+        return
     for i, *pixel, s, low, high in zip(index.tolist(), x, y, sample, single, double, strict=True):
         assert i // (2**a * 3**b) == s
         column, within_x = divmod(reflected(i, 2) * 2**a, 1)
@@ -103,19 +108,6 @@ def test_halton_over_large_rasters_against_python_integers(width, height, spp):
         # Rounded down in base 2, and to nearest, but below 1, in base 3.
         assert low[0] == float(within_x * 2**24 // 1) / 2**24
         assert low[1] == min(np.float32(float(within_y)), np.float32(1 - 2.0**-24))
-
-
-@pytest.mark.slow
-def test_permuted_halton_at_8192():
-    """With a permutation for each of 21 ternary digits, of which 9 are the row."""
-    seq = HALTON["random"]
-    rng = np.random.default_rng(7)
-    x, y, sample = (jnp.asarray(rng.integers(0, n, 648, dtype=np.uint32)) for n in (8192, 8192, 26))
-    index, points, _ = map(np.asarray, inverted(samplers.full_screen(seq, 8192, 8192), x, y, sample))
-    exact, units = numerators(seq, index), np.array([2**19, 3**12])
-    assert np.array_equal(index // (2**13 * 3**9), sample)
-    assert np.array_equal(exact // units, np.stack([x, y], axis=1))
-    assert np.array_equal(points, (exact % units) / units)
 
 
 def test_halton_of_more_dimensions_is_the_sequence():
@@ -130,17 +122,15 @@ def test_halton_of_more_dimensions_is_the_sequence():
 
 SCRAMBLED = {
     **{f"plain {name}": net for name, net in NETS.items()},
+    "plain 3d": sequences.sobol_net_3d,
+    "plain 3d, modified": sequences.larcher_pillichshammer_net_3d,
     "plain sobol": lambda m: sequences.sobol(2),
     "plain larcher_pillichshammer sequence": lambda m: sequences.larcher_pillichshammer(),
     "hammersley": lambda m: sequences.digital_shift(sequences.hammersley_net(m), key=1),
-    "larcher_pillichshammer": lambda m: sequences.digit_scramble(
-        sequences.larcher_pillichshammer_net(m), key=2
-    ),
+    "larcher_pillichshammer": lambda m: sequences.digit_scramble(sequences.larcher_pillichshammer_net(m), 2),
     "permutation": lambda m: sequences.digital_shift(sequences.permutation_net(m), key=3),
     "optimized": lambda m: sequences.digital_shift(sequences.optimized_net(m), key=4),
-    "3d, twice": lambda m: sequences.digital_shift(
-        sequences.digital_shift(sequences.sobol_net_3d(m), key=5), key=6
-    ),
+    "3d, twice": lambda m: sequences.digital_shift(sequences.digital_shift(sequences.sobol_net_3d(m), 5), 6),
     "jittered": lambda m: sequences.digital_shift(sequences.jittered(2 ** (m // 2), 2, key=7), key=8),
     "sobol": lambda m: sequences.digital_shift(sequences.sobol(2), key=9),
     "art, net": lambda m: sequences.art_owen(sequences.larcher_pillichshammer_net(m), key=11),
@@ -150,43 +140,47 @@ SCRAMBLED = {
 
 
 QUICK = "plain hammersley", "plain optimized", "permutation", "3d, twice", "sobol"
+QUICK_SIZES = {(8, 4): QUICK, (2, 32): ["plain permutation", "plain 3d, modified", "art, sobol"]}
+"""With an even, and an odd number of digits of an index."""
+
+
+SIZES = [(8, 4), (8, 1), (8, 2), (1, 2), (1, 8), (2, 1), (2, 32), (32, 1), (32, 2)]
 
 
 @pytest.mark.parametrize(
-    ("spp", "name"),
+    ("side", "spp", "name"),
     [
-        pytest.param(spp, name, marks=() if spp == 4 and name in QUICK else pytest.mark.slow)
-        for spp, name in product((4, 1, 2), SCRAMBLED)
-        if (spp, name) != (2, "jittered")  # A grid has as many cells in both directions.
+        pytest.param(*size, name, marks=() if name in QUICK_SIZES.get(size, ()) else pytest.mark.slow)
+        for size, name in product(SIZES, SCRAMBLED)
+        if name != "jittered" or size[1] in (1, 4)  # A grid has as many cells in both directions.
     ],
 )
-def test_screen_of_a_net_hands_out_its_points(spp, name):
+def test_screen_of_a_net_hands_out_its_points(side, spp, name):
     """All points once, spp in each pixel; of a sequence, block s is sample s."""
-    n = SIDE**2 * spp
+    n = side**2 * spp
     net = SCRAMBLED[name](n.bit_length() - 1)
-    sampler = samplers.full_screen(net, SIDE, SIDE)
-    assert net.size is None or sampler.spp == spp
-    x, y, sample = pixels(SIDE, SIDE, spp)
+    sampler = samplers.full_screen(net, side, side)
+    assert net.size is None or sampler.fits.spp == spp
+    x, y, sample = pixels(side, side, spp)
     index, inside, _ = map(np.asarray, inverted(sampler, x, y, sample))
     assert np.array_equal(np.sort(index), first(n))
-    points = np.asarray(net.points(n, dtype=jnp.float64))[:, :2]
-    assert np.array_equal((np.stack([x, y], axis=1) + inside) / SIDE, points[index])
+    points = np.asarray(net.points(n, dtype=jnp.float64))
+    assert np.array_equal((np.stack([x, y], axis=1) + inside) / side, points[index, :2])
     if net.size is None:
-        assert np.array_equal(index // 64, sample)
+        assert np.array_equal(index // side**2, sample)
+    if "3d" in name:
+        assert np.array_equal(points_of(sampler, x, y, sample, (2,)), points[index, 2:])
 
 
 @some("make", SCRAMBLED, "plain permutation", "plain hammersley", "larcher_pillichshammer", "sobol")
 @pytest.mark.parametrize("side", [4096, *slow(1, 65536)])
 def test_screen_of_a_net_at_any_resolution(make, side):
-    """On exact 32-bit coordinates: the leading bits are the pixel, the others the offset.
-
-    In float32 the sum of both would keep 12 digits of the offset (thesis 5.2.4), at 4096 x 4096.
-    """
+    """On exact 32-bit coordinates: float32 would keep 12 digits of the offset (thesis 5.2.4), at 4096."""
     net = make(32)
     sampler = samplers.full_screen(net, side, side)
     rng = np.random.default_rng(4)
     x, y = (jnp.asarray(rng.integers(0, side, 200, dtype=np.uint32)) for _ in range(2))
-    sample = jnp.asarray(rng.integers(0, min(sampler.spp, 2**32 - 1), 200, dtype=np.uint32))
+    sample = jnp.asarray(rng.integers(0, min(sampler.fits.spp, 2**32 - 1), 200, dtype=np.uint32))
     index, double, single = map(np.asarray, inverted(sampler, x, y, sample))
     exact = np.asarray(at_indices(net, index)) * 2.0**32
     unit = 2**32 // side
@@ -233,14 +227,10 @@ def test_padded_replications_equal_the_printed_program(offsets, jitter):
     assert any(int(u * SIDE) for u in vectors[:, :2].ravel())
 
 
-@pytest.mark.parametrize(
-    ("make", "lost"),
-    [
-        (sequences.hammersley_net, {}),
-        (sequences.larcher_pillichshammer_net, {1: 48, 2: 32}),
-        (sequences.permutation_net, {4: 32}),
-    ],
-)
+LOST = {sequences.larcher_pillichshammer_net: {1: 48, 2: 32}, sequences.permutation_net: {4: 32}}
+
+
+@pytest.mark.parametrize("make, lost", [(sequences.hammersley_net, {}), *LOST.items()])
 def test_instances_keep_the_distance_and_may_lose_elementary_intervals(make, lost):
     """All 64 shifts of a net by whole pixels; boxes of 2**-i x 2**(i - 6), i = 3 being the pixels."""
     words = np.asarray(make(6).bits(jnp.asarray(first(64)))) >> np.uint32(26)
@@ -252,10 +242,8 @@ def test_instances_keep_the_distance_and_may_lose_elementary_intervals(make, los
     instances = points.reshape(64, 64, 2).swapaxes(0, 1)
     assert len(np.unique(instances.reshape(64, -1), axis=0)) > 1
     assert {analysis.squared_min_distance(w, side=64) for w in instances} == {alone}
-    counted = {
-        i: sum(len(np.unique((w[:, 0] >> (6 - i)) * 64 + (w[:, 1] >> i))) < 64 for w in instances)
-        for i in range(7)
-    }
+    cells = lambda w, i: len(np.unique((w[:, 0] >> (6 - i)) * 64 + (w[:, 1] >> i)))  # noqa: E731
+    counted = {i: sum(cells(w, i) < 64 for w in instances) for i in range(7)}
     assert {i: n for i, n in counted.items() if n} == lost
 
 
@@ -271,9 +259,10 @@ def test_replications_shift_further_coordinates_by_any_fraction():
     assert np.array_equal(jitter, np.tile(np.floor(vectors[:, 3:] * 2**29) / 2**29, (64, 1, 1)))
 
 
-@pytest.mark.parametrize(
-    "net", [*slow(sequences.sobol(2)), sequences.digital_shift(sequences.hammersley_net(6), key=3)]
-)
+SHIFTED = sequences.digital_shift(sequences.hammersley_net(6), key=3)
+
+
+@pytest.mark.parametrize("net", [*slow(sequences.sobol(2)), SHIFTED])
 def test_replications_of_sequences_and_scrambled_nets(net):
     """Of a sequence the first frame in each instance; jitter stays inside the pixel, whatever the points."""
     offsets = OFFSETS["uniform"]
@@ -295,91 +284,61 @@ def test_replications_at_the_smallest_and_the_largest_resolution(side):
     sample = jnp.asarray(first(100))
     words = np.asarray(offsets.bits(sample)).astype(np.uint64)
     unit = np.uint64(2**32 // side)
-    column, row = (
-        (jnp.asarray(((p + words[:, j] // unit) % side).astype(np.uint32))) for j, p in enumerate((x, y))
-    )
+    moved = [(p + words[:, j] // unit) % side for j, p in enumerate((x, y))]
+    column, row = (jnp.asarray(p.astype(np.uint32)) for p in moved)
     index = net.index_in_cell(column, row, side.bit_length() - 1, jnp.zeros_like(sample))
     offset = (np.asarray(net.bits(index)).astype(np.uint64) % unit) * np.uint64(side)
     points = np.asarray(points_of(sampler, jnp.asarray(x), jnp.asarray(y), sample))
     assert np.array_equal(points * 2.0**32, offset + words[:, 2:] // np.uint64(side))
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Wave:
-    """A smooth plug-in scene, so that rounding does not decide."""
-
-    needs = ("x", "y")
-
-    def __call__(self, point):
-        return jnp.sin(7 * point[..., 0]) * jnp.cos(3 * point[..., 0] + 5 * point[..., 1])
+# A smooth scene, so that rounding does not decide.
+WAVE = scenes.function(lambda p: jnp.sin(7 * p[..., 0]) * jnp.cos(3 * p[..., 0] + 5 * p[..., 1]), ("x", "y"))
+SORTED = {"halton": (sequences.halton(2), 9), "random": (sequences.halton(2, "random", key=5), 9)}
+SORTED["xor"] = sequences.digital_shift(sequences.sobol(2), 3), 16
+SORTED["padded"] = sequences.larcher_pillichshammer_net(8), 16
 
 
-NET = sequences.larcher_pillichshammer_net(8)
-CASES = {
-    "halton": (lambda: samplers.full_screen(sequences.halton(2), 12, 9), 16, 9, sequences.halton(2)),
-    "halton, random": (
-        lambda: samplers.full_screen(sequences.halton(2, "random", key=5), 12, 9),
-        16,
-        9,
-        sequences.halton(2, "random", key=5),
-    ),
-    "xor": (
-        lambda: samplers.full_screen(sequences.digital_shift(sequences.sobol(2), 3), 12, 9),
-        16,
-        16,
-        sequences.digital_shift(sequences.sobol(2), 3),
-    ),
-    "padded": (lambda: samplers.padded_replications(NET, 12, 9, 4, jitter=False), 16, 16, None),
-}
-
-
-@some("case", CASES, "halton, random", "padded")
-def test_render_equals_sorting_all_points_into_pixels(case):
-    make, columns, rows, seq = case
-    width, height, spp = 12, 9, 5
-    sampler = make()
-    if seq is None:
+@pytest.mark.parametrize("name", few(SORTED, "random", "padded"))
+def test_render_equals_sorting_all_points_into_pixels(name):
+    (seq, rows), (width, height, spp) = SORTED[name], (12, 9, 5)
+    points = np.asarray(seq.points(seq.size or 16 * rows * spp, dtype=jnp.float64))
+    if name == "padded":
+        sampler = samplers.padded_replications(seq, width, height, 4, jitter=False)
         vectors = np.asarray(sampler.offsets.points(spp, dtype=jnp.float64))
-        net = np.asarray(NET.points(256, dtype=jnp.float64))
-        points = np.concatenate([(net - np.floor(v[:2] * 16) / 16) % 1 for v in vectors])
+        points = np.concatenate([(points - np.floor(v[:2] * 16) / 16) % 1 for v in vectors])
     else:
-        points = np.asarray(seq.points(columns * rows * spp, dtype=jnp.float64))
-    points = points * [columns, rows]
+        sampler = samplers.full_screen(seq, width, height)
+    points = points * [16, rows]
     # Ternary fractions of whole pixels are not exact.
     x, y = np.floor(points + 1e-9).astype(int).T
-    values = np.asarray(Wave()(jnp.asarray(points / [width, height], jnp.float32)))
+    values = np.asarray(WAVE(jnp.asarray(points / [width, height], jnp.float32)))
     kept = (x < width) & (y < height)
-    assert np.all(
-        np.histogram2d(y[kept], x[kept], bins=[np.arange(height + 1), np.arange(width + 1)])[0] == spp
-    )
+    assert np.all(np.bincount(y[kept] * width + x[kept], minlength=width * height) == spp)
     expected = np.zeros((height, width))
     np.add.at(expected, (y[kept], x[kept]), values[kept] / spp)
-    assert np.allclose(qj.render(Wave(), sampler, width, height, spp), expected, atol=2e-6)
+    assert np.allclose(qj.render(WAVE, sampler, width, height, spp), expected, atol=2e-6)
 
 
-def padded(net, offsets, side=SIDE, jitter=True):
-    return samplers.padded_replications(net, side, side, offsets, jitter)
+def padded(net, offsets, jitter=True):
+    return samplers.padded_replications(net, SIDE, SIDE, offsets, jitter)
 
 
-test_bad_input_is_named = refuses(
-    ValueError,
-    {
-        r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11": lambda: (
-            samplers.full_screen(sequences.halton(2), 65536, 65536)
-        ),
-        "net must have one point in each of 8 x 8 .* got 4": lambda: padded(sequences.hammersley_net(8), 1),
-        "net's m must be at least 6 .* got m=5": lambda: padded(sequences.hammersley_net(5), 1),
-        "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3": lambda: padded(
-            sequences.hammersley_net(6), sequences.sobol(3)
-        ),
-        "offsets must have 3 dimensions, for 3 shifts, got 2": lambda: padded(
-            sequences.sobol_net_3d(6), sequences.sobol(2), jitter=False
-        ),
-    },
-)
-
-
-test_wrong_types_are_named = refuses(
-    TypeError, {"net must be invertible .* got halton": lambda: padded(sequences.halton(2), 1)}
+test_bad_input_is_named = refused(
+    (
+        *(samplers.full_screen, sequences.halton(2), 65536, 65536),
+        r"width, height must .* got 65536 x 65536, which takes 2\*\*16 x 3\*\*11",
+    ),
+    (padded, sequences.hammersley_net(8), 1, "net must have one point in each of 8 x 8 .* got 4"),
+    (padded, sequences.hammersley_net(5), 1, "net's m must be at least 6 .* got m=5"),
+    (
+        *(padded, sequences.hammersley_net(6), sequences.sobol(3)),
+        "offsets must have 4 dimensions, for 2 shifts and 2 of jitter, got 3",
+    ),
+    (
+        *(padded, sequences.sobol_net_3d(6), sequences.sobol(2), False),
+        "offsets must have 3 dimensions, for 3 shifts, got 2",
+    ),
+    (padded, sequences.halton(2), 1, TypeError, "net must be invertible .* got halton"),
+    error=ValueError,
 )

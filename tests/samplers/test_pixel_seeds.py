@@ -10,7 +10,6 @@ import pytest
 from qmcjax import samplers, sequences
 from qmcjax.bridges._padding import padding_pixel
 from qmcjax.core.bits import hash_pair
-from qmcjax.core.bits import hash_word as mixed
 
 SIDE = 1024
 Y, X = (axis.ravel() for axis in np.indices((SIDE, SIDE), np.uint32))
@@ -75,15 +74,6 @@ def test_counts_of_equal_seeds_are_those_of_random_words(name, keys):
     assert abs(deviations) < 5
     # Of independent Poisson counts, the ratio is 1 with deviations sqrt(2 / keys).
     assert ratio < 1 + 5 * np.sqrt(2 / len(keys))
-
-
-def test_the_former_seeds_had_shifted_copies():
-    """Key 5 of the hash of a mixed word plus a raw one: hundreds of equal seeds in two columns."""
-    words = jax.random.bits(jax.random.key(5), (2, 2), jnp.uint32)
-    seeds = np.concatenate([np.asarray(mixed(mixed(X ^ a) + Y ^ b)) for a, b in words])
-    one, other = equal(seeds)
-    columns = X[one % X.size].astype(np.int64) * SIDE + X[other % X.size]
-    assert np.unique(columns, return_counts=True)[1].max() > 700
 
 
 def test_a_pair_is_mixed_by_bijections_and_its_order_counts():

@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from refusals import refused
+from sampler_tables import MAKERS, owen, tile
 from scipy.stats import chi2, norm, t
-from tables import few, first, is_net, points_of, refuses
+from tables import few, first, is_net, points_of
 
 import qmcjax as qj
 from qmcjax import orders, samplers, scenes, sequences
@@ -16,61 +18,45 @@ from qmcjax import orders, samplers, scenes, sequences
 SIDE, KEYS = 32, 64
 FIVE_SIGMA = chi2.isf(norm.sf(5), 9)
 STUDENT = t.isf(norm.sf(5), KEYS - 1)
-IMAGE, CURVE = (SIDE, SIDE), orders.hilbert(SIDE, SIDE)
-TILE = np.random.default_rng(1).random((*IMAGE, 1, 4))
-MASK = samplers.blue_noise_mask(2)
 
 
-def owen(dims, key=1):
-    return sequences.owen(sequences.sobol(dims), key)
+def z(spp):
+    return MAKERS["z"](SIDE, spp, 4, 1)
 
 
-def hilbert(spp, key=1):
-    return samplers.contiguous(CURVE, owen(4, key), spp)
-
-
-def z(spp, key=1):
-    return samplers.z(*IMAGE, spp, key, dims=4)
-
-
-def screen(key):
-    return samplers.full_screen(sequences.digital_shift(sequences.sobol(3), key), *IMAGE)
-
-
+# Samples, sub-samples, dimensions.
 WAYS = {
-    "hilbert": (hilbert, 2, 3),
-    "z": (z, 4, 4),
-    "z, odd": (z, 2, 2),
-    "z, rounds": (lambda n, key: z(n, key).extended(2), 2, 4),
-    "z, counts": (lambda n, key: z(n, key).adaptive(np.full(IMAGE, n)), 2, 4),
-    "independent": (lambda n, key: samplers.independent(sequences.sobol(4), key), 2, 5),
-    "progressive": (lambda n, key: samplers.progressive(*IMAGE, key, dims=6), 2, 4),
-    "dither": (lambda n, key: samplers.dither(MASK, sequences.rotate(sequences.lattice(4), key)), 2, 4),
-    "optimized": (lambda n, key: samplers.optimized(*IMAGE, n, key), 2, 8),
-    "optimized, joint": (lambda n, key: samplers.optimized(*IMAGE, n, key, dims=4), 4, 2),
-    "optimized, moving": (lambda n, key: samplers.optimized(*IMAGE, n, key, 4, frames=8).at_frame(5), 1, 4),
-    "designed": (lambda n, key: samplers.designed(*IMAGE, n, key, 4), 1, 4),
-    "designed, progressive": (lambda n, key: samplers.designed(*IMAGE, n, key, 4, progressive=True), 1, 4),
-    "designed, frames": (lambda n, key: samplers.designed(*IMAGE, n, key, 4, 8).at_frame(5), 1, 4),
-    "tiled": (lambda n, key: samplers.tiled(TILE, key, spp=n), 2, 4),
-    "interleaved": (lambda n, key: samplers.interleaved(owen(2, key), n, 2, samplers.ranked(2, key)), 2, 3),
-    "segments": (lambda n, key: samplers.segments(CURVE, owen(3, key), n, True), 2, 3),
-    "full screen": (lambda n, key: screen(key), 1, 4),
-    "randomized": (lambda n, key: samplers.randomized(lambda each: hilbert(n, each), key), 2, 3),
-    "split": (lambda n, key: hilbert(n, key).split((1, 2), 2), 4, 3),
-    "split, designed": (lambda n, key: samplers.designed(*IMAGE, n, key, 6).split((2, 3), 2), 2, 2),
-    "ranked": (lambda n, key: samplers.ranked(4, key), 1, 4),
+    "contiguous": (2, 3, 4), "z": (4, 4, 4), "z, rounds": (2, 4, 4), "z, counts": (2, 4, 4),
+    "independent": (2, 5, 4), "progressive": (2, 4, 6), "dither": (2, 4, 4), "window_lattice": (2, 4, 4),
+    "optimized": (2, 8, 2), "optimized, joint": (4, 2, 4), "optimized, frames": (1, 4, 4),
+    "designed": (1, 4, 4), "designed, progressive": (1, 4, 4), "designed, frames": (1, 4, 4),
+    "tiled, whole": (2, 4, 4), "interleaved, positions": (2, 3, 4), "segments": (2, 3, 3),
+    "full_screen": (1, 4, 3), "randomized": (2, 3, 4), "split": (4, 3, 4), "split, designed": (2, 2, 6),
+    "ranked": (1, 4, 4),
+}  # fmt: skip
+RANKED = MAKERS["ranked"]
+MORE = {
+    "optimized, joint": MAKERS["optimized"],
+    "tiled, whole": lambda w, n, d, key: samplers.tiled(tile(w, w, 1, d), key, spp=n),
+    "interleaved, positions": lambda _, n, d, k: samplers.interleaved(owen(2, k), n, 2, RANKED(0, 0, 2, k)),
+    "randomized": lambda w, n, d, k: samplers.randomized(lambda each: MAKERS["contiguous"](w, n, d, each), k),
+    "split": lambda w, n, d, key: MAKERS["contiguous"](w, n, d, key).split((1, 2), 2),
+    "split, designed": lambda w, n, d, key: MAKERS["designed"](w, n, d, key).split((2, 3), 2),
 }
-OWN = [name for name in WAYS if any(word in name for word in ("joint", "moving", "designed", "tiled"))]
+OWN = [name for name in WAYS if any(word in name for word in ("joint", "d, frames", "designed", "tiled"))]
 
 
-@pytest.mark.parametrize("name", few(WAYS, "hilbert", "z", "designed", "split"))
+def made(name, spp, key=1):
+    return (MAKERS | MORE)[name](SIDE, spp, WAYS[name][2], key)
+
+
+@pytest.mark.parametrize("name", few(WAYS, "contiguous", "z", "designed", "split"))
 def test_split_coordinates_are_those_of_a_sampler_made_for_so_many_samples_the_others_do_not_change(name):
     """Tiles have translations and turns of their own, and searched maps continue below the samples."""
-    make, spp, count = WAYS[name]
-    coarse = make(spp, 1)
+    spp, count, _ = WAYS[name]
+    coarse = made(name, spp)
     # What has been split has twice as many samples already.
-    fine = hilbert(spp * 2 * count) if name == "split" else make(spp * count, 1)
+    fine = made("contiguous", spp * 2 * count) if name == "split" else made(name, spp * count)
     kept, dims = (0,), tuple(range(1, coarse.dims))
     split = coarse.split(dims, count)
     x, y, s = first(SIDE)[:, None, None], first(3)[None, :, None], first(spp * count)
@@ -88,17 +74,17 @@ def cells(points):
     return [np.minimum((4 * part).astype(int), 3) for part in parts]
 
 
-@pytest.mark.parametrize("name", few(WAYS, "designed, progressive", "optimized, moving"))
+@pytest.mark.parametrize("name", few(WAYS, "designed, progressive", "optimized, frames"))
 def test_split_and_other_coordinates_are_uniform_together_over_keys_and_independent_in_each_image(name):
     """In 4 x 4 cells of a coordinate or outline each: 5 sigma over keys, and of independent samples."""
-    make, spp, count = WAYS[name]
-    dims = make(spp, 1).dims
+    spp, count, _ = WAYS[name]
+    dims = made(name, spp).dims
     y, x, s = np.ogrid[:SIDE, :SIDE, : spp * count * (2 if "split" in name else 1)]
 
     @jax.jit
     @jax.vmap
     def drawn(key):
-        split = make(spp, key).split(tuple(range(dims // 2, dims)), count)
+        split = made(name, spp, key).split(tuple(range(dims // 2, dims)), count)
         return split(x, y, s, tuple(range(dims)))
 
     points = np.asarray(drawn(jax.random.split(jax.random.key(1), KEYS))).reshape(KEYS, SIDE**2, s.size, dims)
@@ -116,23 +102,17 @@ def test_split_and_other_coordinates_are_uniform_together_over_keys_and_independ
         assert (samples * ((image - expected) ** 2 / expected).sum(axis=(1, 2))).max() < FIVE_SIGMA
 
 
-NETS = {
-    "z, 1 sample": (lambda: z(1), 8),
-    "z, 4 samples": (lambda: z(4), 8),
-    "hilbert, 2 samples": (lambda: hilbert(2), 4),
-    "progressive, 4 samples": (lambda: samplers.progressive(*IMAGE, 1), 4),
-    "independent, 4 samples": (lambda: samplers.independent(sequences.sobol(2), 1), 4),
-    "ranked, 4 samples": (lambda: samplers.ranked(2, 1), 4),
-}
+PLAIN = ("progressive", "independent", "ranked")
 
 
-@pytest.mark.parametrize("name", NETS)
-def test_sub_samples_of_a_sample_of_a_pixel_and_of_squares_of_pixels_are_nets(name):
-    make, count = NETS[name]
-    sampler, spp = make(), int(name.split()[-2])
-    dims = (sampler.dims - 2, sampler.dims - 1) if name[0] == "z" else (0, 1)
-    split = sampler.split(dims, count)
-    for side in (1, 2, 4) if name[0] in "zhp" else (1,):
+SPLIT = [("z", 1, 8), ("z", 4, 8), ("contiguous", 2, 4), *((n, 4, 4) for n in PLAIN)]
+
+
+@pytest.mark.parametrize("name, spp, count", SPLIT)
+def test_sub_samples_of_a_sample_of_a_pixel_and_of_squares_of_pixels_are_nets(name, spp, count):
+    dims = (2, 3) if name == "z" else (0, 1)
+    split = MAKERS[name](SIDE, spp, 4 if name == "z" else 2, 1).split(dims, count)
+    for side in (1, 2, 4) if name[0] in "zcp" else (1,):
         x, y = (4 + first(side)[:, None, None], 8 + first(side)[None, :, None])
         points = np.asarray(points_of(split, x, y, first(spp * count), dims))
         words = (points * 2.0**32).astype(np.uint32).reshape(-1, spp * count, 2)
@@ -161,9 +141,8 @@ def test_an_image_is_the_mean_over_a_tree_of_samples():
     ]
     leaves = []
     for y, x, leaf in np.ndindex(4, 4, spp * lights * times):
-        camera, light, time = (
-            of[x, y, leaf // step] for of, step in zip(made, (lights * times, times, 1), strict=True)
-        )
+        steps = (lights * times, times, 1)
+        camera, light, time = (of[x, y, leaf // step] for of, step in zip(made, steps, strict=True))
         leaves.append([(x + camera[0]) / 4, (y + camera[1]) / 4, light[2], time[3], light[4]])
     loop = value(np.array(leaves)).reshape(4, 4, -1).mean(axis=2)
     sampler, split = along(spp), {"light": lights, "time": times}
@@ -194,40 +173,28 @@ def test_images_of_a_ray_traced_scene_are_those_of_all_its_samples():
     np.testing.assert_allclose(image, flat, atol=1e-6)
 
 
-def shadow(split, sampler=None):
-    return lambda: qj.render(scenes.soft_shadow(), sampler or z(4), SIDE, SIDE, 4, split=split)
+def shadow(split):
+    return lambda: qj.render(scenes.soft_shadow(), z(4), SIDE, SIDE, 4, split=split)
 
 
 NET = samplers.full_screen(sequences.hammersley_net(10), 16, 16)
 
 
-def short(spp):
-    return samplers.contiguous(orders.hilbert(32, 32), sequences.hammersley_net(12), spp)
-
-
-test_wrong_counts_are_refused = refuses(
-    ValueError,
-    {
-        "count must be a power of two, at most 536870912 for spp=4, got 3": lambda: z(4).split((2,), 3),
-        "count must be at most 2 for spp=2, got 4": lambda: short(2).split((1,), 4),
-        "count must be at most 1 for spp=4, got 2": lambda: NET.split((1,), 2),
-        "count must be a power of two, at most 32768 for spp=2, got 3": lambda: samplers.designed(
-            8, 8, 2, 1
-        ).split((1,), 3),
-        "count must be an integer in \\[1": lambda: z(4).split((2,), 0),
-        "dims must be an integer in \\[0, 3\\], got 4": lambda: z(4).split((4,), 2),
-        "split must name dimensions .* \\('light_u', 'light_v'\\), got 'lamp'": shadow({"lamp": 4}),
-        "none of the screen.* got 'x'": shadow({"x": 4}),
-        "each once.* got 'light_u'": shadow({"light": 4, "light_u": 2}),
-        "split must be an integer in \\[1": shadow({"light": 0}),
-        "got 3": shadow({"light": 3}),
-    },
-)
-test_wrong_types_are_refused = refuses(
-    TypeError,
-    {
-        "split must be a mapping such as {'light': 4}, got 4": shadow(4),
-        "split must be an integer": shadow({"light": 4.0}),
-        "count must be an integer": lambda: z(4).split((2,), 2.0),
-    },
+SHORT = samplers.contiguous(orders.hilbert(32, 32), sequences.hammersley_net(12), 2)
+test_wrong_counts_are_refused = refused(
+    (z(4).split, (2,), 3, "count must be a power of two, at most 536870912 for spp=4, got 3"),
+    (SHORT.split, (1,), 4, "count must be at most 2 for spp=2, got 4"),
+    (NET.split, (1,), 2, "count must be at most 1 for spp=4, got 2"),
+    (samplers.designed(8, 8, 2, 1).split, (1,), 3, "count must be a power of two, at most 32768 for spp=2"),
+    (z(4).split, (2,), 0, r"count must be an integer in \[1"),
+    (z(4).split, (4,), 2, r"dims must be an integer in \[0, 3\], got 4"),
+    (shadow({"lamp": 4}), r"split must name dimensions .* \('light_u', 'light_v'\), got 'lamp'"),
+    (shadow({"x": 4}), "none of the screen.* got 'x'"),
+    (shadow({"light": 4, "light_u": 2}), "each once.* got 'light_u'"),
+    (shadow({"light": 0}), r"split must be an integer in \[1"),
+    (shadow({"light": 3}), "got 3"),
+    (shadow(4), TypeError, "split must be a mapping such as {'light': 4}, got 4"),
+    (shadow({"light": 4.0}), TypeError, "split must be an integer"),
+    (z(4).split, (2,), 2.0, TypeError, "count must be an integer"),
+    error=ValueError,
 )

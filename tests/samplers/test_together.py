@@ -13,9 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import chi2, ncx2, poisson
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
+from sampler_tables import shifted
 from tables import few, first, slow_cases
 
 from qmcjax import orders, samplers, sequences
@@ -32,14 +33,12 @@ LEVEL = 5.7e-7
 FEW, MANY = 12, 40
 """Numbers of coordinates, by default and on request."""
 
-QUAD, NET, LATTICE = 4 / 3, 8 / 3, 4
-BOXES, PLACES = 4, 2 * QUAD
+QUAD, NET, LATTICE, BOXES = 4 / 3, 8 / 3, 4, 4
 """Variances of joint counts over those of independent points, at most.
 
 Values that add up to zero over n places match others at random with n / (n - 1) times the variance: over the
 quadrants of squares, and over samples 0 and 1, which groups of nets keep together. Four points of a lattice
-in a pixel count as one, and so do the samples of a pixel that visit four boxes in each group. A tile of 8 x 8
-pixels has as many relative translations and reflections as an image of 64 x 64 has blocks.
+in a pixel count as one, and so do the samples of a pixel that visit four boxes in each group.
 """
 
 
@@ -54,6 +53,8 @@ class Law:
     """Transformations that it has beside those of all."""
     variance: float = QUAD
     most: int = MANY
+    tile: int = 0
+    """Pixels per side of a tile whose blocks are translated and reflected independently in each group."""
 
     def groups(self, dims):
         """Return the groups of all features."""
@@ -61,7 +62,10 @@ class Law:
 
 
 def designed(spp, changes="frame repeats", size=4, **options):
-    return Law(lambda dims, key: samplers.designed(SIDE, SIDE, spp, key, dims, **options), size, spp, changes)
+    def make(dims, key):
+        return samplers.designed(SIDE, SIDE, spp, key, dims, **options)
+
+    return Law(make, size, spp, changes, tile=make(4, 1).tile.shape[0])
 
 
 def z(*variant, changes="split", **options):
@@ -70,15 +74,9 @@ def z(*variant, changes="split", **options):
 
 def along(make, *arguments, more=0, **options):
     order = orders.hilbert(SIDE, SIDE)
-    # Some pairs of more Sobol' coordinates are dependent in so few points, along any order.
-    return Law(
-        lambda d, key: make(order, sequences.owen(sequences.sobol(d + more), key), *arguments, **options),
-        most=FEW,
-    )
-
-
-def shifted(dims, key):
-    return sequences.digital_shift(sequences.sobol(dims), key)
+    # In 2**14 points, digits of further coordinates are dependent: the first two of 28, 32 and 33, say.
+    owen = lambda d, key: sequences.owen(sequences.sobol(d + more), key)  # noqa: E731
+    return Law(lambda d, key: make(order, owen(d, key), *arguments, **options), most=FEW)
 
 
 def dither(channels, side=None):
@@ -98,7 +96,7 @@ LAWS = {
     "designed, 64": replace(designed(64), variance=BOXES, most=FEW),
     "designed, progressive": designed(16, progressive=True),
     "designed, frames": designed(1, size=2, frames=32),
-    "tiled, 8": Law(lambda dims, key: samplers.tiled(TILE, key, dims=dims), 2, 4, "frame repeats", PLACES),
+    "tiled, 8": Law(lambda dims, key: samplers.tiled(TILE, key, dims=dims), 2, 4, "frame repeats", tile=8),
     "progressive": Law(lambda d, key: samplers.progressive(SIDE, SIDE, key, d), 4, 4, "split", NET),
     "optimized": Law(lambda dims, key: samplers.optimized(SIDE, SIDE, 4, key, dims), most=FEW),
     "z": z(),
@@ -110,17 +108,22 @@ LAWS = {
     "segments": along(samplers.segments, 1, doubling=True),
     "full_screen": Law(lambda dims, key: samplers.full_screen(shifted(dims, key), SIDE, SIDE), most=FEW),
     "padded_replications": Law(
-        lambda dims, key: samplers.padded_replications(shifted(dims, key), SIDE, SIDE, key), most=FEW
+        lambda dims, key: samplers.padded_replications(shifted(dims, key), SIDE, SIDE, key),
+        changes="",
+        most=FEW,
     ),
     "ranked": Law(lambda d, key: samplers.ranked(d, key), changes="split frame repeats", most=4),
+    "window_lattice": Law(
+        lambda d, key: samplers.window_lattice(sequences.lattice(d), key), *(1, 4, "split frame", LATTICE, 16)
+    ),
     "dither, 64, vectors": dither(2),
     "dither, 128": dither(1),
     "dither, 16": dither(1, 16),
 }
 
-FEWER = {("optimized", "prefix"): 7, ("designed, 4", "frame"): FEW, ("designed, 16", "frame"): FEW}
-"""Fewer coordinates: those for which first samples were searched (some pairs of others coincide); in frames,
-pairs of 40 coordinates exceed these variances.
+FEWER = {("optimized", "prefix"): 7, ("contiguous", "prefix"): 6}
+"""Fewer coordinates: those for which first samples were searched, some pairs of others coincide; and those
+whose matrices without the columns of samples are independent.
 """
 
 TRANSFORMATIONS = {
@@ -160,22 +163,37 @@ def chi_squared(cells, groups):
     return parts.sum(axis=(1, 3))[groups[:, None] < groups]
 
 
-def combined(found, law):
-    """Return the smallest p of all chi-squared, times their number."""
-    return found.size * chi2.sf(found.max() / law.variance, FREE)
+def combined(found, law, side=SIDE, count=0):
+    """Return the smallest p of all chi-squared, times their number.
+
+    In an image of ``count`` points, a block has the same place and reflection in two groups of a tile with
+    probability 1 / (4 tile**2): its points then are in equal cells.
+    """
+    most, same = found.max() / law.variance, np.arange(9)
+    if not law.tile:
+        return found.size * chi2.sf(most, FREE)
+    blocks = (side / min(16, law.tile // 2)) ** 2
+    shift = count * (CELLS - 1) * (same / blocks) ** 2 / law.variance
+    of_same = np.where(same == 0, chi2.sf(most, FREE), ncx2.sf(most, FREE, np.maximum(shift, 1e-9)))
+    return found.size * (poisson.pmf(same, blocks / (4 * law.tile**2)) * of_same).sum()
 
 
 def within_images(name, change, keys, dims):
     """Return the smallest p of any two features in an image, over keys, times their number."""
     law, found = LAWS[name], []
     dims = min(dims, FEWER.get((name, change), law.most))
+    _, samples, side = TRANSFORMATIONS[change](law.make(dims, jax.random.key(0)), law.spp)
+    y, x, sample = np.meshgrid(first(side), first(side), samples, indexing="ij")
+
+    @jax.jit
+    def draw(key):
+        sampler, *_ = TRANSFORMATIONS[change](law.make(dims, key), law.spp)
+        return sampler(x, y, sample, tuple(range(dims)))
+
     for key in keys:
-        made = law.make(dims, jax.random.key(key))
-        sampler, samples, side = TRANSFORMATIONS[change](made, law.spp)
-        y, x, sample = np.meshgrid(first(side), first(side), samples, indexing="ij")
-        points = np.asarray(sampler(x, y, sample, tuple(range(dims))))
-        found.append(chi_squared(features(points.reshape(-1, dims)), law.groups(dims)))
-    return combined(np.array(found), law)
+        points = np.asarray(draw(jax.random.key(key))).reshape(-1, dims)
+        found.append(chi_squared(features(points), law.groups(dims)))
+    return combined(np.array(found), law, side, x.size)
 
 
 QUICK = [("designed, progressive", "plain"), ("progressive", "prefix"), ("dither, 16", "plain")]
@@ -183,7 +201,7 @@ QUICK = [("designed, progressive", "plain"), ("progressive", "prefix"), ("dither
 
 @pytest.mark.parametrize(
     ("name", "change", "keys", "dims"),
-    [*((*case, range(1), FEW) for case in QUICK), *slow_cases(*((*case, range(4), MANY) for case in CASES))],
+    [*((*case, range(1), FEW) for case in QUICK), *slow_cases(*((*case, range(8), MANY) for case in CASES))],
 )
 def test_groups_are_independent_within_an_image_of_each_key(name, change, keys, dims):
     assert within_images(name, change, keys, dims) > LEVEL
@@ -218,7 +236,8 @@ def test_all_translations_of_a_copy_give_each_stratum_once(copy):
     random = np.random.default_rng(3).integers(2**32, size=(4096, 2), dtype=np.uint32)
     seeds = jnp.asarray(sampler.seeds)[None].repeat(len(random), 0).at[:, copy, :2, 0].set(random)
     made = jax.vmap(lambda seeds: replace(sampler, seeds=seeds))(seeds)
-    moves = jax.vmap(lambda one: one.prepare(jnp.uint32(x), jnp.uint32(y), (2 * copy,))[5][copy][0][:2])(made)
+    where = jnp.uint32(x), jnp.uint32(y), (2 * copy,)
+    moves = jax.vmap(lambda one: one.prepare(*where)[5][0][copy][0][:2])(made)
     # Their low digits translate, the first one reflects.
     words = np.stack([np.asarray(word) & np.uint32(2**31 + 7) for word in moves], axis=-1)
     _, each = np.unique(words, axis=0, return_index=True)

@@ -1,90 +1,47 @@
 """Which samples of a pixel are uniform over keys: a table of every sampler, and exact counts for tiles."""
 
 import inspect
+import itertools
 from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from sampler_tables import MAKERS, tile
 from tables import SIDE, SPP, few, first, points_of, slow_cases
 
-from qmcjax import orders, samplers, sequences
+from qmcjax import samplers, sequences
 from qmcjax.choosing import SHOWN
 
 NO, CELLS, EXACT = "no", "up to the cells of a net", "exactly"
-N = 4096
+N = 2**14
 PIXEL = 5, 9
-NET = sequences.larcher_pillichshammer_net(12)
-TILE = np.random.default_rng(1).random((8, 4, 2, 2, 2))
-
-
-def hilbert():
-    return orders.hilbert(SIDE, SIDE)
-
-
-def owen(dims, key):
-    return sequences.owen(sequences.sobol(dims), key)
-
-
-def full_screen(net):
-    return samplers.full_screen(net, SIDE, SIDE)
-
-
-LAWS = {
-    "independent": (EXACT, lambda key: samplers.independent(sequences.sobol(2), key)),
-    "independent, xor": (EXACT, lambda key: samplers.independent(sequences.sobol(2), key, randomize="xor")),
-    "independent, shift": (
-        EXACT,
-        lambda key: samplers.independent(sequences.halton(2), key, randomize="shift"),
-    ),
-    "full_screen": (EXACT, lambda key: full_screen(sequences.digital_shift(NET, key))),
-    "full_screen, halton, random": (EXACT, lambda key: full_screen(sequences.halton(2, "random", key))),
-    "full_screen, jittered": (NO, lambda key: full_screen(sequences.jittered(64, 2, key))),
-    "padded_replications": (
-        EXACT,
-        lambda key: samplers.padded_replications(sequences.hammersley_net(10), SIDE, SIDE, key),
-    ),
-    "contiguous": (EXACT, lambda key: samplers.contiguous(hilbert(), owen(3, key), SPP)),
-    "contiguous, frames": (
-        EXACT,
-        lambda key: samplers.contiguous(orders.hilbert3(SIDE, SIDE, 4), owen(3, key), SPP).at_frame(3),
-    ),
-    "segments": (EXACT, lambda key: samplers.segments(hilbert(), owen(3, key), 1, doubling=True)),
-    "partitioned": (EXACT, lambda key: samplers.partitioned(hilbert(), owen(4, key))),
-    "shifted": (
-        EXACT,
-        lambda key: samplers.shifted(
-            hilbert(), sequences.rotate(sequences.halton(3), key), sequences.lattice(3)
-        ),
-    ),
-    "dither": (
-        EXACT,
-        lambda key: samplers.dither(samplers.blue_noise_mask(2), sequences.rotate(sequences.lattice(3), key)),
-    ),
-    "interleaved": (EXACT, lambda key: samplers.interleaved(owen(3, key), SPP, tile=4)),
-    "ranked": (CELLS, lambda key: samplers.ranked(3, key)),
-    "randomized": (
-        EXACT,
-        lambda key: samplers.randomized(lambda each: samplers.contiguous(hilbert(), owen(3, each), 2), key),
-    ),
-    "optimized": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, SPP, key)),
-    "optimized, joint": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, 128, key, dims=4)),
-    "optimized, joint, more": (EXACT, lambda key: samplers.optimized(SIDE, SIDE, SPP, key, dims=8)),
-    "progressive": (EXACT, lambda key: samplers.progressive(SIDE, SIDE, key, dims=6)),
-    "designed": (EXACT, lambda key: samplers.designed(SIDE, SIDE, 64, key, dims=6)),
-    "designed, frames": (EXACT, lambda key: samplers.designed(SIDE, SIDE, SPP, key, frames=9).at_frame(5)),
-    "tiled, far from uniform": (
-        EXACT,
-        lambda key: samplers.tiled(0.9 + 0.001 * TILE[:4, :, :1], key, dims=4, spp=SPP),
-    ),
-    "tiled": (EXACT, lambda key: samplers.tiled(TILE, key, dims=3, spp=SPP).at_frame(1)),
-    "z": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, dims=3)),
-    "z, tree": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, "tree")),
-    "z, frames": (CELLS, lambda key: samplers.z(SIDE, SIDE, SPP, key, frames=8).at_frame(5)),
-    "z, joint": (EXACT, lambda key: samplers.z(SIDE, SIDE, SPP, key, sequence=owen(3, key))),
+FAR = 0.9 + tile(4, 4, 1, 2) / 1e3
+MORE = MAKERS | {
+    "full_screen, jittered": lambda w, n, d, key: samplers.full_screen(sequences.jittered(64, 2, key), w, w),
+    "tiled, far from uniform": lambda w, n, d, k: samplers.tiled(FAR, k, dims=d, spp=n),
+    "tiled, frames": lambda w, n, d, key: samplers.tiled(tile(8, 4, 2, 2, 2), key, dims=d, spp=n).at_frame(1),
 }
-"""By sampler: how each sample is uniform on its own, the first one, too; a maker. All together they are."""
+LAWS = {
+    **{name: (EXACT, 2, SPP) for name in ("independent", "independent, xor", "independent, shift")},
+    "full_screen": (EXACT, 2, SPP), "optimized": (EXACT, 2, SPP),
+    "full_screen, halton": (EXACT, 2, SPP), "full_screen, jittered": (NO, 2, SPP),
+    "padded_replications": (EXACT, 2, SPP),
+    **{name: (EXACT, 3, SPP) for name in ("contiguous", "contiguous, frames", "segments", "partitioned")},
+    **{name: (EXACT, 3, SPP) for name in ("shifted", "dither", "window_lattice", "interleaved")},
+    "randomized": (EXACT, 3, SPP),
+    "ranked": (CELLS, 3, SPP), "optimized, joint": (EXACT, 4, 128), "optimized, joint, more": (EXACT, 8, SPP),
+    "progressive": (EXACT, 6, SPP), "designed": (EXACT, 6, 64), "designed, frames": (EXACT, 2, SPP),
+    "tiled, far from uniform": (EXACT, 4, SPP), "tiled, frames": (EXACT, 3, SPP), "z": (CELLS, 3, SPP),
+    "z, tree": (CELLS, 2, SPP), "z, frames": (CELLS, 2, SPP), "z, joint": (EXACT, 3, SPP),
+}  # fmt: skip
+"""How each sample is uniform on its own, the first one, too (all together are); dimensions; samples."""
+
+
+def made(name, key):
+    _, dims, spp = LAWS[name]
+    return MORE.get(name, MORE[name.partition(",")[0]])(SIDE, spp, dims, key)
 
 
 def off(counts):
@@ -103,13 +60,12 @@ def in_squares(points):
 @pytest.mark.parametrize("name", few(LAWS, "designed, frames"))
 def test_samples_are_as_uniform_over_keys_as_said(name):
     """Each, and all together, in 64 squares of consecutive coordinates; in digits below cells, too."""
-    law, make = LAWS[name]
-    dims = make(0).dims
+    law, dims, _ = LAWS[name]
 
     @jax.jit
     @jax.vmap
     def drawn(key):
-        return make(key)(*PIXEL, first(SPP), tuple(range(dims)), jnp.float64)
+        return made(name, key)(*PIXEL, first(SPP), tuple(range(dims)), jnp.float64)
 
     points = np.asarray(drawn(jax.random.split(jax.random.key(1), N)))
     pairs = [points[..., k : k + 2] for k in range(dims - 1)]
@@ -122,31 +78,19 @@ def test_samples_are_as_uniform_over_keys_as_said(name):
 
 
 def test_the_table_has_every_sampler():
-    makers = {
-        name
-        for name, made in vars(samplers).items()
-        if inspect.isfunction(made) and name not in ("as_sampler", "blue_noise_mask", "function")
-    }
+    makers = {name for name, made in vars(samplers).items() if inspect.isfunction(made)}
+    makers -= {"as_sampler", "blue_noise_mask", "function"}
     assert {name.partition(",")[0] for name in LAWS} == makers
 
 
-TILES = {
-    "2-D": {},
-    "4-D": {"dims": 4},
-    "8-D": {"dims": 8},
-    "progressive": {"progressive": True},
-    "progressive, 4-D": {"progressive": True, "dims": 4},
-    "frames": {"frames": 32},
-}
+TILES = {f"{dims}-D": {"dims": dims} for dims in (2, 4, 8)} | {"progressive": {"progressive": True}}
+TILES |= {"progressive, 4-D": {"progressive": True, "dims": 4}, "frames": {"frames": 32}}
 SPPS = [2**k for k in range(9)]
 
 
 @pytest.mark.parametrize(
     ("name", "spp"),
-    [
-        ("frames", 4),
-        *slow_cases(*((name, spp) for name in TILES for spp in SPPS if (name, spp) != ("frames", 4))),
-    ],
+    [("frames", 4), *slow_cases(*(k for k in itertools.product(TILES, SPPS) if k != ("frames", 4)))],
 )
 def test_tiles_have_each_sample_in_each_box_once_over_seeds(name, spp):
     """Exactly, over all values of the digits that choose boxes; and the points of a pixel stay the same."""

@@ -8,14 +8,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import refuses
+from scene_tables import evaluated, varied
 
 import qmcjax as qj
 from analysis.tables import traced_references
-from qmcjax import scenes, sequences
+from qmcjax import samplers, scenes, sequences, tracing
 from qmcjax.core.checkpoints import digest
 from qmcjax.scenes import traced
-from qmcjax.scenes.traced import _stored, _vehicles
+from qmcjax.scenes.traced import _base, _vehicles
+from qmcjax.tracing import motion
 from qmcjax.tracing._shapes.triangles import build_tree
 from qmcjax.tracing._world import factories
 
@@ -47,11 +48,6 @@ COUNT = 2**12
 """Points of all tests: a scene compiles for seconds, and then serves every test that evaluates it."""
 
 
-@jax.jit
-def evaluated(scene, point):
-    return scene(point)
-
-
 def points(scene, dtype=jnp.float32, key=1):
     with X64(dtype == jnp.float64):
         return sequences.owen(sequences.sobol(len(scene.needs)), key).points(COUNT, dtype=dtype)
@@ -60,22 +56,14 @@ def points(scene, dtype=jnp.float32, key=1):
 @pytest.mark.parametrize("name", SCENES)
 def test_what_is_needed(name):
     """Time only where the shutter is open, a lens only where there is one, nothing twice."""
-    needs = SCENES[name]().needs
+    scene = SCENES[name]()
+    needs = scene.needs
     assert needs[:2] == ("x", "y") and len(set(needs)) == len(needs)
     assert ("time" in needs) == (name in MOVING)
     assert ("lens_u" in needs) == (name in ("defocus", "hexagonal"))
     assert ("roulette1" in needs) == (name == "roulette")
-
-
-def test_programs_have_one_sample():
-    """More are as many copies of a long program to compile."""
-    assert scenes.occluder().unrolled == scenes.occluder().estimator.unrolled == 1
-
-
-def test_scenes_of_the_thesis_take_points_of_three_dimensions():
-    """Two for the pixel and one for time (thesis, Section 6.2)."""
-    for scene in (scenes.cornell_box(), scenes.helicopter()):
-        assert scene.needs == ("x", "y", "time")
+    # More than one sample in a program are as many copies of a long one to compile.
+    assert scene.unrolled == scene.estimator.unrolled == 1
 
 
 @pytest.mark.slow
@@ -195,9 +183,9 @@ def test_a_spin_is_exact_after_many_turns():
     assert jnp.allclose(spin(jnp.float32(1)), spin(jnp.float32(0)), atol=1e-6)
 
 
-test_bad_parameters = refuses(
-    ValueError, {"^blades must be None without an aperture": lambda: scenes.defocus(None, blades=5)}
-)
+def test_blades_are_of_an_aperture():
+    with pytest.raises(ValueError, match=r"^blades must be None without an aperture"):
+        scenes.defocus(None, blades=5)
 
 
 def noisy(rng, side):
@@ -236,14 +224,12 @@ def test_scenes_are_told_apart_by_what_they_are_made_of():
 def test_a_scene_is_what_it_was_given(name, monkeypatch):
     """Another processor rounds otherwise, and may order the triangles of trees otherwise."""
     scene = SCENES[name]()
-    monkeypatch.setattr(
-        factories, "build_tree", lambda *ends: build_tree(*(-x for x in ends if x is not None))
-    )
+    turned = lambda *ends: build_tree(*(-x for x in ends if x is not None))  # noqa: E731
+    monkeypatch.setattr(factories, "build_tree", turned)
     other = SCENES[name]()
     assert (other == scene) == (scene.name not in ("helicopter", "sports"))
-    assert traced.content(other).matches(traced.content(scene)) and digest("scene", other) == digest(
-        "scene", scene
-    )
+    assert traced.content(other).matches(traced.content(scene))
+    assert digest("scene", other) == digest("scene", scene)
     if name in traced.NAMES:
         assert other.reference(8, 8)[0].shape == (8, 8, 3)
 
@@ -265,11 +251,11 @@ def stored(monkeypatch, tmp_path):
         return (0.5 + 0.01 * rng.normal(size=(side, side, 3)) / np.sqrt(spp)).astype(np.float32)
 
     monkeypatch.setattr(traced_references, "replicate", replicate)
-    monkeypatch.setattr(_stored, "FOLDER", tmp_path)
-    _stored.load.cache_clear()
+    monkeypatch.setattr(_base, "FOLDER", tmp_path)
+    _base.load.cache_clear()
     store_reference(monkeypatch, tmp_path, "caustic", 12)
     yield tmp_path
-    _stored.load.cache_clear()
+    _base.load.cache_clear()
 
 
 def test_a_reference_is_the_mean_of_the_stored_one(stored):
@@ -329,27 +315,11 @@ def test_replicates_that_are_finished_stay(stored, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         take(scenes.caustic(0.5))
     assert made == [0, 1, 2, 3, 4]
-    assert not list(stored.glob("**/*.unfinished"))
-
-
-@pytest.mark.slow
-def test_a_reference_is_what_renders_converge_to(tmp_path, monkeypatch):
-    """The mean over the image of a quick render is within the bound of the stored one's and its own error."""
-    monkeypatch.setattr(_stored, "FOLDER", tmp_path)
-    _stored.load.cache_clear()
-    store_reference(monkeypatch, tmp_path, "occluder", 32)
-    scene = scenes.occluder()
-    image, bound = scene.reference(8, 8)
-    estimate, own = qj.estimated_reference(scene, 8, 8, 2**10, key=5, dtype=jnp.float32)
-    assert (abs(image - estimate) <= bound + own).all() and own < 0.1
-    _stored.load.cache_clear()
+    assert not list(stored.glob("**/*.part.*"))
 
 
 def estimated(scene, side):
-    """Return means over pixels and bounds of their errors, from 16 replicates.
-
-    Five standard errors. Where replicates happen to agree, twice the usual one counts.
-    """
+    """Return means over pixels and bounds of their errors: 5 standard errors, at least twice the usual."""
     spp = COUNT // side**2
     y, x = np.divmod(np.arange(COUNT) // spp, side)
     images = []
@@ -374,3 +344,123 @@ def test_stored_references_are_of_the_scenes_as_they_are(name):
     image, bound = scene.reference(8, 8)
     estimate, own = estimated(scene, 8)
     assert (abs(image - estimate) <= bound + own).all()
+
+
+SIDE = 32
+
+
+def path(*points):
+    return motion.linear_segments(np.linspace(0, 1, len(points)), points)
+
+
+def spin(time):
+    return motion.quaternion([0.0, 1.0, 0.0], 2 * np.pi * time)
+
+
+def scene(**options):
+    """Return a ball that flies and a box that spins, over a floor, under two lights; most is sky."""
+    ball = tracing.sphere([0, 0, 0], 0.3, motion=motion.affine(None, path([-1, 1, 0], [-0.4, 0.7, 0])))
+    box = tracing.box([-0.2, 0, -0.3], [0.2, 0.2, 0.3], motion=motion.affine(spin, [0.9, 0.1, 0.4]))
+    floor = tracing.rectangle([-4, 0, 2], [8, 0, 0], [0, 0, -6])
+    still = tracing.cylinder([0, 0, -1], [0, 1.2, 0], 0.2)
+    panel = tracing.rectangle_light([1, 3, 0], [0.5, 0, 0], [0, 0, 0.5], 20.0)
+    lamps = [tracing.point_light([-1, 4, 1], 20.0), panel]
+    camera = tracing.camera([0, 1.3, 5], [0, 0.8, 0], **options)
+    return tracing.direct_light(tracing.world([ball, box, floor, still], lamps), camera)
+
+
+def chrome():
+    mirror = tracing.sphere([0.6, 0.5, 0], 0.5, material=tracing.mirror())
+    ball = tracing.sphere([0, 0, 0], 0.2, motion=motion.affine(None, path([-1, 1, 0], [-0.6, 0.7, 0])))
+    world = tracing.world([mirror, ball], [tracing.point_light([0, 4, 4], 20.0)])
+    return tracing.direct_light(world, tracing.camera([0, 0.7, 5], [0, 0.5, 0]), mirrors=1)
+
+
+def indirect():
+    """Return a world and a camera: whatever is seen depends on what moves."""
+    plane = tracing.plane([0, 0, 0], [0, 1, 0])
+    opened = np.array([[[0, 1, 0], [1, 1, 0], [0, 2, 0.0]]])
+    closing = tracing.triangles(opened, np.add(opened, [[[0, 0, 0], [0, 0, 1], [0, 0, 0]]]))
+    camera = tracing.camera([0, 1, 5], [0, 1.2, 0])
+    lights = [tracing.environment(1.0), tracing.point_light([2, 5, 2], 20.0)]
+    return tracing.world([plane, closing], lights), camera
+
+
+@pytest.mark.slow
+def test_what_moves_out_of_sight_shades_the_sky():
+    """An environment shines from everywhere: a ball that the camera does not see shades the floor it sees."""
+    floor = tracing.plane([0, 0, 0], [0, 1, 0])
+    ball = tracing.sphere([0, 0, 0], 0.5, motion=motion.affine(None, path([0, 2, 3], [0, 2, 0])))
+    camera = tracing.camera([0, 1, 0], [0, 0, 0], up=[0, 0, 1], fov=10)
+    scene = tracing.direct_light(tracing.world([floor, ball], [tracing.environment(1.0)]), camera)
+    upwards = jnp.full(len(scene.needs), 0.5)
+    time = scene.needs.index("time")
+    ends = jnp.stack([upwards.at[time].set(0.0), upwards.at[time].set(0.999)])
+    assert evaluated(scene, ends)[:, 0].tolist() == [0.5, 0.0]
+    assert varied(scene, jnp.zeros_like(upwards), jnp.ones_like(upwards))[time]
+
+
+VARYING = {
+    "pinhole": scene,
+    "lens": lambda: scene(aperture=0.05, focus=4.0),
+    "mirror": chrome,
+    "paths": lambda: tracing.path_tracing(*indirect(), 1),
+    "resampled": lambda: tracing.resampled_light(scene().world, scene().camera, 4),
+    "bidirectional": lambda: tracing.bidirectional(*indirect(), 1),
+}
+
+
+def boxes(scene):
+    x, y = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
+    low = np.stack([x, y, *[0 * x] * (len(scene.needs) - 2)], axis=-1) / SIDE
+    high = low.copy()
+    high[..., :2] += 1 / SIDE
+    high[..., 2:] = 1
+    return jnp.asarray(low, jnp.float32), jnp.asarray(high, jnp.float32)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", VARYING)
+def test_what_does_not_vary_does_not_matter(name):
+    """Samples in each pixel: those coordinates anywhere, against the same samples with them at 1/2."""
+    scene = VARYING[name]()
+    low, high = boxes(scene)
+    varies = varied(scene, low, high)
+    assert varies.shape == low.shape and varies.dtype == bool
+    u = sequences.sobol(len(scene.needs)).points(2**8)[:, None, None]
+    points = low[None] + u * (high - low)[None]
+    half = jnp.where(varies[None], points, (low + 0.5 * (high - low))[None])
+    np.testing.assert_array_equal(evaluated(scene, points), evaluated(scene, half))
+    time = varies[..., scene.needs.index("time")]
+    assert 0 < time.mean() < 0.9
+    sky = ~varies[..., 0]
+    assert 0.05 < sky.mean() and not time[sky].any()
+
+
+@pytest.mark.slow
+def test_time_matters_around_what_moves_and_its_shadows_only():
+    """Brute force says where: the boxes are not much larger."""
+    scene = VARYING["pinhole"]()
+    low, high = boxes(scene)
+    time = scene.needs.index("time")
+    varies = np.asarray(varied(scene, low, high))[..., time]
+    u = sequences.owen(sequences.sobol(len(scene.needs)), 1).points(2**8)[:, None, None]
+    points = low[None] + u * (high - low)[None]
+    changes = evaluated(scene, points) != evaluated(scene, points.at[..., time].set(0.5))
+    changes = np.asarray(changes.any(axis=(0, -1)))
+    assert not (changes & ~varies).any()
+    assert varies.sum() < 2.5 * changes.sum()
+
+
+@pytest.mark.slow
+def test_adaptive_images_are_the_same_and_take_fewer_samples():
+    """A ball that flies over a plane: what is seen in mirrors has its tests above."""
+    ball = tracing.sphere([0, 0, 0], 0.3, motion=motion.affine(None, path([-1, 1, 0], [-0.4, 0.7, 0])))
+    plane, lamp = tracing.plane([0, 0, 0], [0, 1, 0]), tracing.point_light([-1, 4, 1], 20.0)
+    camera = tracing.camera([0, 1.3, 5], [0, 0.8, 0])
+    scene = tracing.direct_light(tracing.world([ball, plane], [lamp]), camera)
+    sampler = samplers.independent(sequences.sobol(len(scene.needs)), 3)
+    image = qj.render(scene, sampler, SIDE, SIDE, 16)
+    adaptive = qj.render_adaptive(scene, sampler, SIDE, SIDE, 16)
+    np.testing.assert_allclose(adaptive.image, image, atol=2e-6)
+    assert adaptive.saving > 0.2

@@ -1,55 +1,22 @@
 """The Halton sequence with permuted digits against exact fractions."""
 
-from fractions import Fraction
 from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tables import chi_squared, digit_count, first, refuses, slow
+from refusals import refused
+from tables import chi_squared, digit_count, few, first, slow
 
 from qmcjax import sequences
-from qmcjax.sequences._halton import halton
+from qmcjax.sequences._digital import halton
 
 BASES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 FACTORS = (1, 1, 3, 3, 4, 9, 7, 5, 9, 18)
-# Faure 1992: the permutations of the bases 5 and 7; those of 11, ..., by the rule.
-PRINTED = {
-    2: [0, 1],
-    3: [0, 1, 2],
-    4: [0, 2, 1, 3],
-    5: [0, 3, 2, 1, 4],
-    6: [0, 2, 4, 1, 3, 5],
-    7: [0, 2, 5, 3, 1, 4, 6],
-    8: [0, 4, 2, 6, 1, 5, 3, 7],
-}
 
 
-def faure(b):
-    """Return the permutation by the rule for single entries: where does a go."""
-
-    def entry(b, a):
-        if b == 2:
-            return a
-        if b % 2 == 0:
-            return 2 * entry(b // 2, a % (b // 2)) + a // (b // 2)
-        c = b // 2
-        if a == c:
-            return c
-        value = entry(b - 1, a - (a > c))
-        return value + (value >= c)
-
-    return [entry(b, a) for a in range(b)]
-
-
-PERMUTED = {
-    "zaremba": lambda j, k, a: (a + k) % BASES[j],
-    "faure": lambda j, k, a: faure(BASES[j])[a],
-    "faure_lemieux": lambda j, k, a: FACTORS[j] * a % BASES[j],
-}
-KEYED = {**dict.fromkeys(PERMUTED), "random": 5}
-each_permutation = pytest.mark.parametrize("permutation", KEYED)
+KEYED = {"zaremba": None, "faure": None, "faure_lemieux": None, "random": 5}
 
 
 def double(seq, index, dims=None):
@@ -70,56 +37,11 @@ def numerators(points, bases):
 
 
 def some_indices(n):
-    return np.concatenate(
-        [first(n), np.random.default_rng(3).integers(0, 2**32, n, np.uint32), np.uint32(2**32 - 1) - first(n)]
-    )
+    random = np.random.default_rng(3).integers(0, 2**32, n, np.uint32)
+    return np.concatenate([first(n), random, np.uint32(2**32 - 1) - first(n)])
 
 
-@pytest.mark.parametrize("permutation", PERMUTED)
-def test_values_are_the_exact_fractions_rounded_once(permutation):
-    seq = sequences.halton(len(BASES), permutation)
-    index = some_indices(100)
-    exact = [
-        [
-            sum(
-                Fraction(PERMUTED[permutation](j, k, int(i) // b**k % b), b ** (k + 1))
-                for k in range(digit_count(b))
-            )
-            for j, b in enumerate(BASES)
-        ]
-        for i in index
-    ]
-    values = double(seq, index)
-    assert values.tolist() == [[float(v) for v in row] for row in exact]
-    single = np.asarray(seq(jnp.asarray(index)))
-    # In base 2, float32 keeps the upper 24 bits.
-    assert np.array_equal(single[:, 1:], np.minimum(values[:, 1:].astype(np.float32), 1 - 2.0**-24))
-    assert np.array_equal(single[:, 0], np.floor(values[:, 0] * 2**24) / 2**24)
-
-
-def test_faure_permutations_are_those_in_print():
-    for b, printed in PRINTED.items():
-        assert faure(b) == printed
-    for b in (2, 3, 5, 7):
-        seq = sequences.halton(4, "faure")
-        digits = double(seq, first(7))[:b, BASES.index(b)] * b
-        assert np.rint(digits).tolist() == PRINTED[b]
-
-
-def test_zaremba_leaves_out_one_constant_of_the_infinite_sum():
-    """The zeros beyond an index's digits become k mod b as well: less than b**-K, the same for all."""
-    points = double(sequences.halton(10, "zaremba"), some_indices(20))
-    for j, b in enumerate(BASES):
-        tail = sum(Fraction(k % b, b ** (k + 1)) for k in range(digit_count(b), 200))
-        assert 0 < tail < Fraction(1, b ** digit_count(b)) <= Fraction(1, 2**32)
-        infinite = [
-            sum(Fraction((int(i) // b**k % b + k) % b, b ** (k + 1)) for k in range(200))
-            for i in some_indices(20)
-        ]
-        assert [float(v - tail) for v in infinite] == points[:, j].tolist()
-
-
-@each_permutation
+@pytest.mark.parametrize("permutation", few(KEYED, "zaremba", "random"))
 def test_every_box_of_a_period_holds_one_point(permutation):
     """Of 2**4 3**3 consecutive points, one lies in each box 2**-4 x 3**-3; so for other bases and shapes."""
     seq = sequences.halton(10, permutation, key=KEYED[permutation])
@@ -131,24 +53,8 @@ def test_every_box_of_a_period_holds_one_point(permutation):
         bases = BASES[i], BASES[j]
         period = bases[0] ** a * bases[1] ** b
         for block in np.split(numerators(values[:, (i, j)], bases), len(starts)):
-            cells = block[:period] // [
-                bases[0] ** (digit_count(bases[0]) - a),
-                bases[1] ** (digit_count(bases[1]) - b),
-            ]
-            assert len(np.unique(cells, axis=0)) == period
-
-
-@pytest.mark.parametrize("permutation", [None, *KEYED])
-def test_values_are_distinct_and_below_one(permutation):
-    """Among them those of the largest digits, which float32 would round up to 1."""
-    seq = sequences.halton(10, permutation, key=KEYED.get(permutation))
-    index = np.union1d(some_indices(2000), [b**k - 1 for b in BASES for k in range(1, digit_count(b))])
-    index = index.astype(np.uint32)
-    points = double(seq, index)
-    assert all(len(np.unique(column)) == len(column) for column in points.T)
-    assert points.min() >= 0
-    assert points.max() < 1
-    assert np.asarray(jax.jit(lambda s, i: s(i))(seq, jnp.asarray(index))).max() < 1
+            sides = [base ** (digit_count(base) - k) for base, k in zip(bases, (a, b), strict=True)]
+            assert len(np.unique(block[:period] // sides, axis=0)) == period
 
 
 @pytest.mark.parametrize("permutation", [None, *slow(*KEYED)])
@@ -169,8 +75,7 @@ def test_faure_lemieux_multiplies_in_all_360_bases():
     seq = sequences.halton(360, "faure_lemieux")
     points = double(seq, first(2500))
     factors = np.rint(points[1] * np.array(seq.bases)).astype(int)
-    assert factors[:10].tolist() == list(FACTORS)
-    assert factors[-3:].tolist() == [923, 872, 1860]
+    assert factors[:10].tolist() == list(FACTORS) and factors[-3:].tolist() == [923, 872, 1860]
     assert np.all((factors > 0) & (factors < np.array(seq.bases)))
     for j in (50, 200, 359):
         b = seq.bases[j]
@@ -214,10 +119,6 @@ def test_all_1024_dimensions(permutation):
     assert np.array_equal(double(seq, first(64))[:, some], points[:64])
 
 
-test_bad_input_is_named = refuses(
-    ValueError,
-    {
-        r"dims must be an integer in \[1, 360\], got 361": lambda: sequences.halton(361, "faure_lemieux"),
-        "key must be an integer .* got -1": lambda: sequences.halton(2, "random", key=-1),
-    },
+test_bad_input_is_named = refused(
+    (sequences.halton, 361, "faure_lemieux", ValueError, r"dims must be an integer in \[1, 360\], got 361")
 )

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from refusals import refused
-from tables import few, first, pairs_are_uniform
+from sampler_tables import MAKERS, hilbert, owen
+from tables import few, first, pairs_are_uniform, points_of, slow
 
 from analysis import t_value
 from qmcjax import orders, samplers, sequences
@@ -38,30 +39,15 @@ def animation(sampler, spp, dims, frames=FRAMES, start=0):
     return np.stack([np.asarray(of_frame(sampler, np.uint32(start + t), spp, dims)) for t in range(frames)])
 
 
-def owen(dims, key=5):
-    return sequences.owen(sequences.sobol(dims), key)
-
-
 # Samplers over time: their numbers of samples and dimensions, and themselves.
+Z, OPTIMIZED = MAKERS["z, frames"], MAKERS["optimized, frames"]
+COUNTS = (2, 2), (2, 3), (1, 4), (8, 4), (2, 5)
 SAMPLERS = {
-    "z": (1, 2, lambda: samplers.z(WIDTH, WIDTH, 1, 3, frames=FRAMES)),
-    "z, pairs": (4, 5, lambda: samplers.z(WIDTH, WIDTH, 4, 3, dims=5, frames=FRAMES)),
-    "z, joint": (2, 4, lambda: samplers.z(WIDTH, WIDTH, 2, 3, sequence=owen(4), frames=FRAMES)),
+    **{f"z, {dims}-D": (n, dims, partial(Z, WIDTH, n, dims, 3)) for n, dims in ((1, 2), (4, 5))},
+    "z, joint": (2, 4, lambda: samplers.z(WIDTH, WIDTH, 2, 3, sequence=owen(4, 5), frames=FRAMES)),
     "z, plain": (2, 2, lambda: samplers.z(WIDTH, WIDTH, 2, None, "plain", frames=FRAMES)),
-    "optimized": (2, 2, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, frames=FRAMES)),
-    "optimized, joint": (2, 3, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, dims=3, frames=FRAMES)),
-    "optimized, 4-D": (1, 4, lambda: samplers.optimized(WIDTH, WIDTH, 1, 3, dims=4, frames=FRAMES)),
-    "optimized, 4-D, 8 samples": (
-        8,
-        4,
-        lambda: samplers.optimized(WIDTH, WIDTH, 8, 3, dims=4, frames=FRAMES),
-    ),
-    "optimized, 5-D": (2, 5, lambda: samplers.optimized(WIDTH, WIDTH, 2, 3, dims=5, frames=FRAMES)),
-    "contiguous": (
-        4,
-        3,
-        lambda: samplers.contiguous(orders.hilbert(WIDTH, WIDTH), sequences.in_time(owen(3)), 4),
-    ),
+    **{f"optimized, {dims}-D, {n}": (n, dims, partial(OPTIMIZED, WIDTH, n, dims, 3)) for n, dims in COUNTS},
+    "contiguous": (4, 3, lambda: samplers.contiguous(hilbert(WIDTH), sequences.in_time(owen(3, 5)), 4)),
 }
 
 
@@ -79,15 +65,13 @@ def stratified(points, k, j):
     return bool((strata == np.arange(cut.shape[1])[:, None]).all())
 
 
-@pytest.mark.parametrize("name", few(SAMPLERS, "z", "optimized, 4-D", "contiguous"))
+@pytest.mark.parametrize("name", few(SAMPLERS, "z, 2-D", "optimized, 4-D, 1", "contiguous"))
 def test_every_aligned_window_of_pixels_and_frames_is_stratified(name):
     spp, dims, make = SAMPLERS[name]
     sampler = make()
     for start in (0, 40 * FRAMES):
         points = animation(sampler, spp, dims, start=start)
-        for k in range(4):
-            for j in range(4):
-                assert stratified(points, k, j), (k, j)
+        assert all(stratified(points, k, j) for k in range(4) for j in range(4))
 
 
 def test_frames_of_ranked_keys_are_stratified_in_each_pixel():
@@ -96,7 +80,8 @@ def test_frames_of_ranked_keys_are_stratified_in_each_pixel():
     assert all(stratified(points, 0, j) for j in range(4))
     assert not stratified(points, 2, 0)
     plain = samplers.ranked(3, 5)
-    np.testing.assert_array_equal(plain.at_frame(9).at_frame(0)(3, 5, first(4)), plain(3, 5, first(4)))
+    there = (first(8), first(8), np.uint32(3), (0, 1, 2))
+    np.testing.assert_array_equal(points_of(plain.at_frame(9).at_frame(0), *there), points_of(plain, *there))
 
 
 @pytest.mark.slow
@@ -113,13 +98,6 @@ def test_frames_of_a_dither_mask_are_shifted_by_the_golden_ratio():
         samplers.dither([[0.5]], sequences.sobol(65)).at_frame(1)
 
 
-def test_windows_that_are_not_aligned_are_not_stratified():
-    """The limit of the guarantee: frames 1 and 2, or columns 1 and 2."""
-    points = animation(SAMPLERS["z"][2](), 1, 2)
-    assert not stratified(points[1:7], 0, 1)
-    assert not stratified(points[:, :6, 1:7], 1, 0)
-
-
 @pytest.mark.parametrize("order", [orders.morton3, partial(orders.morton3, key=2), orders.hilbert3])
 def test_orders_of_pixels_and_frames_stratify_cubes_only(order):
     sampler = samplers.contiguous(order(WIDTH, WIDTH, FRAMES), owen(2), 2)
@@ -132,14 +110,14 @@ def test_orders_of_pixels_and_frames_stratify_cubes_only(order):
 
 
 def test_each_frame_and_each_pixel_has_the_nets_of_the_sequence():
-    sequence = sequences.in_time(owen(2))
+    sequence = sequences.in_time(owen(2, 5))
     for frame in (0, 1, 77, 2**32 - 1):
         assert t_value(np.asarray(bits_of_frame(sequence, np.uint32(frame)))) == 0
     over_time = np.stack([np.asarray(bits_of_frame(sequence, np.uint32(t)))[5] for t in range(64)])
     assert t_value(over_time) == 1
 
 
-@pytest.mark.parametrize("dims", [1, 2, 7, 21])
+@pytest.mark.parametrize("dims", [7, *slow(1, 2, 21)])
 def test_coordinates_of_sobol_are_stratified_for_all_numbers_of_indices_and_frames(dims):
     plain = sequences.sobol(dims)
     sequence = sequences.in_time(plain)
@@ -150,13 +128,6 @@ def test_coordinates_of_sobol_are_stratified_for_all_numbers_of_indices_and_fram
             strata = np.sort((frames[: 1 << j, : 1 << m].reshape(-1, dims) >> (32 - m - j)), axis=0)
             if m + j:
                 assert (strata == first(1 << (m + j))[:, None]).all(), (m, j)
-
-
-def test_pairs_over_pixels_and_frames_are_not_always_nets():
-    """Not claimed, and not so: eight points in eight frames have t = 3."""
-    sequence = sequences.in_time(sequences.sobol(2))
-    points = np.concatenate([np.asarray(bits_of_frame(sequence, np.uint32(t)))[:8] for t in range(8)])
-    assert t_value(points) == 3
 
 
 @pytest.mark.slow
@@ -182,7 +153,7 @@ def test_pairs_move_independently():
 
 
 def test_64_bit_indices_move_as_32_bit_ones():
-    sequence = sequences.in_time(owen(3)).at_frame(9)
+    sequence = sequences.in_time(owen(3, 5)).at_frame(9)
     index = first(50) * np.uint32(77_000_000)
     zero = jnp.zeros_like(index)
     for dims in [(0, 1), (0, 1, 2)]:
@@ -193,7 +164,7 @@ def test_64_bit_indices_move_as_32_bit_ones():
     assert (np.asarray(beyond) != np.asarray(moved)[:, 1:]).all()
 
 
-@pytest.mark.parametrize("name", few(SAMPLERS, "z", "z, joint", "optimized", "contiguous"))
+@pytest.mark.parametrize("name", few(SAMPLERS, "z, 2-D", "z, joint", "optimized, 2-D, 2", "contiguous"))
 def test_frame_0_is_the_image_and_frames_compile_once(name):
     spp, dims, make = SAMPLERS[name]
     sampler = make()
@@ -207,20 +178,14 @@ def test_frame_0_is_the_image_and_frames_compile_once(name):
 
 
 def test_frame_0_of_the_first_pair_is_the_sampler_without_frames():
-    with_frames = samplers.z(WIDTH, WIDTH, 4, 3, frames=2)
-    np.testing.assert_array_equal(with_frames(3, 5, first(4)), samplers.z(WIDTH, WIDTH, 4, 3)(3, 5, first(4)))
-    with_frames = samplers.optimized(WIDTH, WIDTH, 4, 3, frames=2)
-    plain = samplers.optimized(WIDTH, WIDTH, 4, 3)
-    np.testing.assert_array_equal(with_frames(3, 5, first(4)), plain(3, 5, first(4)))
+    for make in (samplers.z, samplers.optimized):
+        with_frames, plain = make(WIDTH, WIDTH, 4, 3, frames=2), make(WIDTH, WIDTH, 4, 3)
+        np.testing.assert_array_equal(with_frames(3, 5, first(4)), plain(3, 5, first(4)))
 
 
 test_what_does_not_move_is_refused = refused(
-    (lambda: sequences.in_time(sequences.jittered(2, 2, 0)), "sequence must be"),
-    (lambda: samplers.z(4, 4, 1, 1).at_frame(1), TypeError, "sampler must be made with frames"),
-    (lambda: samplers.optimized(4, 4, 1, 1).at_frame(1), TypeError, "sampler must be made with frames"),
-    (
-        lambda: samplers.contiguous(orders.hilbert(4, 4), sequences.sobol(2), 1).at_frame(1),
-        TypeError,
-        "sampler must have an order of pixels and frames",
-    ),
+    (sequences.in_time, sequences.jittered(2, 2, 0), "sequence must be"),
+    (samplers.z(4, 4, 1, 1).at_frame, 1, TypeError, "sampler must be made with frames"),
+    (samplers.optimized(4, 4, 1, 1).at_frame, 1, TypeError, "sampler must be made with frames"),
+    (samplers.contiguous(hilbert(4), owen(2), 1).at_frame, 1, TypeError, "sampler must be made with frames"),
 )

@@ -50,12 +50,8 @@ def sobol_inverse(i):
 
 @cache
 def tables_of_a_net(m):
-    low = [larcher_pillichshammer(i) >> 32 - 2 * m for i in range(2**m)]
-    return (
-        low,
-        {k >> m: i for i, k in enumerate(low)},
-        [larcher_pillichshammer(i << m) >> 32 - 2 * m for i in range(2**m)],
-    )
+    low, high = ([larcher_pillichshammer(i << k) >> 32 - 2 * m for i in range(2**m)] for k in (0, m))
+    return low, {k >> m: i for i, k in enumerate(low)}, high
 
 
 def look_up(m, ex, ey):
@@ -118,9 +114,8 @@ def test_programs_of_a_net(m):
     printed = [compute(m, ex, ey, ~(1 << m)) for ex, ey, _ in cells]
     assert [x for x, _ in printed] == [x for x, _ in expected] and (printed == expected) == (m == 1)
     moved = sequences.digital_shift(net, key=m)
-    assert [list(compute_scrambled(m, ex, ey, *moved.shifts.tolist())) for ex, ey, _ in cells] == ours(
-        moved, m, cells
-    )
+    scrambled = [list(compute_scrambled(m, ex, ey, *moved.f.shifts.tolist())) for ex, ey, _ in cells]
+    assert scrambled == ours(moved, m, cells)
 
 
 @pytest.mark.parametrize("m", range(1, 9))
@@ -129,9 +124,8 @@ def test_programs_of_frames(m):
     cells = [(3 * k % 2**m, 5 * k // 3 % 2**m, k % 3) for k in range(64)]
     expected = ours(sequences.sobol(2), m, cells)
     assert [list(look_up_frame(m, frame, ex, ey)) for ex, ey, frame in cells] == expected
-    assert ([list(compute_frame(m, frame, ex, ey)) for ex, ey, frame in cells] == expected) == (
-        m in (1, 2, 4, 8)
-    )
+    without = [list(compute_frame(m, frame, ex, ey)) for ex, ey, frame in cells]
+    assert (without == expected) == (m in (1, 2, 4, 8))
 
 
 def test_equation_5_26():

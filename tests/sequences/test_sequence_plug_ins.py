@@ -10,7 +10,7 @@ from scipy.stats import qmc
 from tables import first, slow, some
 
 import qmcjax as qj
-from qmcjax import integrate, orders, samplers, scenes, sequences
+from qmcjax import integrate, orders, samplers, sequences
 from qmcjax.core.bits import reverse, to_unit
 
 N = 64
@@ -47,11 +47,8 @@ class Shifted:
         return to_unit(reverse(index) ^ self.shift)[..., None]
 
 
-OBJECTS = {
-    "selecting": Selecting(),
-    "simple": Simple(),
-    "function": sequences.function(sequences.sobol(2), 2),
-}
+MADE = sequences.function(sequences.sobol(2), 2)
+OBJECTS = {"selecting": Selecting(), "simple": Simple(), "function": MADE}
 SOBOL = sequences.sobol(2)
 
 
@@ -97,30 +94,21 @@ def test_an_object_compiles_once_and_new_arrays_compile_nothing():
     assert len(traces) == 2
 
 
-class Wrong:
-    dims = 2
-
-    def __init__(self, make):
-        self.make = make
-
-    def __call__(self, index, dims=None, dtype=None):
-        return self.make(index)
+WRONG = {
+    r"float32 \(4, 2\) for indices \(4,\), got float32 \(4, 3\)": lambda index: jnp.zeros((*index.shape, 3)),
+    r"got float32 \(4,\)": lambda index: jnp.zeros(index.shape),
+    r"got uint32 \(4, 2\)": lambda index: jnp.zeros((*index.shape, 2), jnp.uint32),
+    "got 0.5": lambda index: 0.5,
+}
 
 
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda index: jnp.zeros((*index.shape, 3)),
-            r"float32 \(4, 2\) for indices \(4,\), got float32 \(4, 3\)",
-        ),
-        (lambda index: jnp.zeros(index.shape), r"got float32 \(4,\)"),
-        (lambda index: jnp.zeros((*index.shape, 2), jnp.uint32), r"got uint32 \(4, 2\)"),
-        (lambda index: 0.5, "got 0.5"),
-    ],
-)
-def test_wrong_points_are_seen_while_tracing(make, message):
-    seq = sequences.as_sequence("sequence", Wrong(make))
+@pytest.mark.parametrize("message", WRONG)
+def test_wrong_points_are_seen_while_tracing(message):
+    class Wrong(Simple):
+        def __call__(self, index, dims=None, dtype=None):
+            return WRONG[message](index)
+
+    seq = sequences.as_sequence("sequence", Wrong())
     with pytest.raises(ValueError, match=f"sequence must return points of .*{message}"):
         jax.eval_shape(seq, jnp.asarray(first(4)))
 
@@ -138,26 +126,9 @@ class Named(Simple):
     shift: int = field(compare=False)
 
 
-@pytest.mark.parametrize(
-    "value",
-    [
-        qmc.Sobol(2),
-        samplers.independent(SOBOL, 1),
-        scenes.checkerboard(),
-        orders.hilbert(4, 4),
-        Simple,
-        lambda index: index,
-        3,
-        None,
-        "sobol",
-        np.zeros((3, 2)),
-    ],
-    ids=lambda value: type(value).__name__,
-)
+@pytest.mark.parametrize("value", [qmc.Sobol(2), samplers.independent(SOBOL, 1), Simple, np.zeros((3, 2))])
 def test_other_things_are_refused(value):
-    with pytest.raises(
-        TypeError, match=r"sequence must be a sequence \(have dims and a call .*\), got "
-    ) as info:
+    with pytest.raises(TypeError, match=r"sequence must be a sequence \(have dims and a .*\), got ") as info:
         sequences.as_sequence("sequence", value)
     assert ("sequences.tabulated(engine.random(n))" in str(info.value)) == isinstance(value, qmc.QMCEngine)
 
@@ -179,9 +150,7 @@ def test_objects_equal_only_themselves():
     assert held[0] != held[2] and same != differs
 
 
-@pytest.mark.parametrize(
-    "index", [[0, 3], np.arange(4), np.arange(4, dtype=np.int8), jnp.arange(4), 3, np.int64(2)]
-)
+@pytest.mark.parametrize("index", [[0, 3], np.arange(4), np.arange(4, dtype="i1"), jnp.arange(4), 3])
 def test_any_integer_is_an_index(index):
     assert np.array_equal(SOBOL(index), SOBOL(np.asarray(index).astype(np.uint32)))
     assert np.array_equal(SOBOL.bits(index), SOBOL.bits(np.asarray(index).astype(np.uint32)))
@@ -195,15 +164,8 @@ def test_sequences_with_a_size_have_length_slices_and_points(seq):
     seq = sequences.as_sequence("sequence", seq)
     points = np.asarray(seq.points(seq.size))
     assert len(seq) == seq.size and bool(seq)
-    for part in (
-        slice(None),
-        slice(2, 10),
-        slice(-3, None),
-        slice(None, None, -5),
-        slice(4, 4),
-        slice(30, 2),
-    ):
-        assert np.array_equal(seq[part], points[part])
+    for part in ((None,), (2, 10), (-3, None), (None, None, -5), (4, 4), (30, 2)):
+        assert np.array_equal(seq[slice(*part)], points[slice(*part)])
     assert np.array_equal(seq[3], points[3]) and np.array_equal(seq[-1], points[-1])
     assert np.array_equal(np.stack([*seq]), points)
     with pytest.raises(ValueError, match=rf"index must be an integer .* got {seq.size}"):

@@ -8,29 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.stats import qmc
-from tables import KINDS, SEQUENCES, few, first, is_net, pairs_are_uniform, reflected
+from tables import SEQUENCES, few, first, is_net, pairs_are_uniform
 
 from qmcjax import sequences
-from qmcjax.core import digits
-
-
-@pytest.mark.slow
-def test_the_lists_of_kinds_are_right():
-    """What a test would otherwise make all sequences for, only to choose a few."""
-
-    def kind(seq):
-        return type(seq), type(getattr(seq, "sequence", None)), seq.dims > 8
-
-    assert len(KINDS) == len({kind(seq) for seq in SEQUENCES.values()})
-    assert {kind(SEQUENCES[name]) for name in KINDS} == {kind(seq) for seq in SEQUENCES.values()}
-
-
-@pytest.mark.slow
-def test_many_points_by_tables_equal_few_by_columns():
-    index = np.random.default_rng(2).integers(0, 2**32, 5000, dtype=np.uint32)
-    seq = sequences.sobol(20)
-    few = np.concatenate([seq.bits(jnp.asarray(part)) for part in np.split(index, 5)])
-    assert np.array_equal(seq.bits(jnp.asarray(index)), few)
 
 
 @pytest.mark.parametrize("grid", [1, 64])
@@ -43,14 +23,6 @@ def test_random_points_over_keys(grid):
     for pair in (points[:, 0], points[:, 1:, 0]):
         assert np.all(np.abs(pair.mean(axis=0) - 0.5) < 5 / np.sqrt(12 * len(keys)))
         assert abs(np.corrcoef(pair.T)[0, 1]) < 5 / np.sqrt(len(keys))
-
-
-@pytest.mark.parametrize("dims", [1, 2, 9, 300])
-def test_sobol_equals_scipy_as_sets(dims):
-    """In scipy, the sequence runs through each block of 2**k points in Gray code order."""
-    ours = np.asarray(sequences.sobol(dims).points(2**10, dtype=jnp.float64))
-    gray = first(2**10) ^ (first(2**10) >> 1)
-    assert np.array_equal(ours[gray], qmc.Sobol(dims, scramble=False, bits=32).random_base2(10))
 
 
 @pytest.mark.slow
@@ -73,34 +45,12 @@ def test_halton_equals_scipy(dims):
     np.testing.assert_allclose(ours, qmc.Halton(dims, scramble=False).random(3000), rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("base", [2, 3, 5, 7, 10, 31, 8161, 65536])
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_radical_inverse_is_the_exact_fraction_rounded_once(base, dtype):
-    """Up to the last index; float32 within one unit in the last place, and below 1."""
-    index = np.concatenate([first(300), np.random.default_rng(3).integers(0, 2**32, 300, dtype=np.uint32)])
-    index = np.concatenate([index, np.uint32(2**32 - 1) - first(10), [base**k - 1 for k in range(1, 3)]])
-    values = np.asarray(digits.radical_inverse(jnp.asarray(index.astype(np.uint32)), base, dtype))
-    exact = [reflected(int(i), base) for i in index]
-    if dtype == jnp.float64:
-        assert values.tolist() == [float(v) for v in exact]
-    else:
-        assert all(
-            abs(Fraction(float(v)) - e) <= Fraction(1, 2**24) for v, e in zip(values, exact, strict=True)
-        )
-    assert values.max() < 1
-
-
 @pytest.mark.parametrize("name", ["sobol(2)", "larcher_pillichshammer", "owen(sobol(2))"])
 @pytest.mark.parametrize("m", [1, 5, 9, 12])
 @pytest.mark.parametrize("block", [0, 1, 6])
 def test_blocks_of_a_02_sequence_are_nets(name, m, block):
     index = first(2**12) + np.uint32(block * 2**m)
     assert is_net(np.asarray(SEQUENCES[name].bits(jnp.asarray(index)))[: 2**m], m)
-
-
-def test_sobol_components_0_and_2_are_no_02_sequence():
-    """The limit of the theorem: the count would notice."""
-    assert not is_net(np.asarray(sequences.sobol(3).bits(jnp.asarray(first(2**6)), (0, 2))), 6)
 
 
 def test_jittered_puts_one_point_into_each_cell_of_any_grid():
@@ -142,20 +92,11 @@ NEAREST = {  # the number of coordinates that are in base 2, and rounded down
     **{name: 0 for name in ("faure(10)", "faure(5, modified)", "quad_optimized(6)")},
     **{name: 0 for name in ("rotate(halton(12))", "korobov(2000)", "rank1_lattice(1700, 3)")},
 }
-IN_INTERVALS = {  # the bases of their coordinates
-    "owen(halton(3))": (2, 3, 5),
-    "digit_scramble(halton(3))": (2, 3, 5),
-    "owen_exact(faure(3))": (3, 3, 3),
-}
+IN_INTERVALS = dict.fromkeys(("owen(halton(3))", "digit_scramble(halton(3))"), (2, 3, 5))  # their bases
+IN_INTERVALS["owen_exact(faure(3))"] = (3, 3, 3)
 """Scrambled in other bases than 2. All that are in neither table are rounded down."""
 
-BY_DEFAULT = (
-    "sobol(9)",
-    "halton, zaremba",
-    "korobov(2000)",
-    "owen_exact(faure(3))",
-    "permutation_net_3d(11)",
-)
+BY_DEFAULT = ("sobol(9)", "halton(12)", "korobov(2000)", "owen_exact(faure(3))", "permutation_net_3d(11)")
 
 BELOW_ONE = np.nextafter(np.float32(1), np.float32(0))
 
@@ -197,18 +138,3 @@ def test_how_float32_is_rounded(name):
         bits = np.asarray(sequence.bits(index)).astype(np.uint64)
         np.testing.assert_array_equal(found * 2.0**24, bits >> 8)
         np.testing.assert_array_equal(exact * 2.0**32, bits)
-
-
-def test_nearest_ones_are_nearest_to_exact_fractions():
-    """To half a unit in the last place of the fraction itself: float64 is between, and has 29 bits more."""
-    index = given(None)[400:]
-    cases = [(sequences.van_der_corput(base), index, lambda i, b=base: [reflected(i, b)]) for base in (3, 7)]
-    steps = [pow(747, j, 2000) for j in range(3)]
-    lattice = sequences.korobov(2000, 3, 747)
-    cases.append((lattice, np.arange(2000), lambda i: [Fraction(int(i) * g % 2000, 2000) for g in steps]))
-    for sequence, numbers, exact in cases:
-        found = np.asarray(sequence(numbers.astype(np.uint32)))
-        for i, row in zip(numbers.tolist(), found.tolist(), strict=True):
-            for one, wanted in zip(row, exact(i), strict=True):
-                error = abs(Fraction(one) - min(wanted, Fraction(float(BELOW_ONE))))
-                assert error <= Fraction(float(np.spacing(np.float32(one)))) * Fraction(1 + 2**-20) / 2

@@ -1,7 +1,4 @@
-"""Latin hypercubes, Poisson disks, relaxed points, and sequences drawn net by net.
-
-Their distribution is tested in ``test_scramblings``.
-"""
+"""Latin hypercubes, Poisson disks, relaxed points, and sequences drawn net by net."""
 
 import itertools
 from itertools import product
@@ -10,14 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from point_sets import cube
+from refusals import refused
 from scipy.spatial import ConvexHull, KDTree, Voronoi
-from tables import chi_squared, few, first, is_net, refuses, slow
+from tables import chi_squared, few, first, is_net, slow
 
 from analysis import min_distance
 from qmcjax import sequences
 from qmcjax.core.bits import gray_decode
 from qmcjax.sequences._stochastic import blue_noise
-from qmcjax.sequences._stochastic.random import permute
 
 
 @pytest.mark.parametrize("n", [1, 5, *slow(2, 1000, 300_007)])
@@ -66,12 +64,6 @@ def test_where_one_number_goes_says_nothing_of_another(n):
         assert chi_squared((strata[:, i] - strata[:, j]) % n - 1, n - 1) < 5
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 7, 31, 1023, 10007])
-def test_permutations_are_bijections(n):
-    seeds = jax.random.bits(jax.random.key(n), (8,), jnp.uint32)
-    assert np.array_equal(np.sort(permute(jnp.asarray(first(n)), n, seeds)), first(n))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [2**32 - 5, 2**32 - 1, 2**32])
 def test_the_largest_latin_hypercubes(n):
@@ -95,17 +87,7 @@ def centroid(corners):
 
 @pytest.mark.parametrize(
     ("n", "dims", "extent"),
-    [
-        (1, 2, 1),
-        (2, 2, 1),
-        (5, 2, 1),
-        (60, 2, 1),
-        (60, 2, 0.1),
-        (1, 3, 1),
-        (2, 3, 1),
-        (20, 3, 1),
-        (20, 3, 0.2),
-    ],
+    [*((n, 2, 1) for n in (1, 2, 5, 60)), (60, 2, 0.1), *((n, 3, 1) for n in (1, 2, 20)), (20, 3, 0.2)],
 )
 def test_centroids_are_those_of_the_voronoi_cells(n, dims, extent):
     """Of scipy's cells among all copies within two tiles; also if the points crowd in a corner."""
@@ -116,18 +98,12 @@ def test_centroids_are_those_of_the_voronoi_cells(n, dims, extent):
     np.testing.assert_allclose(blue_noise.centroids(points), expected, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    "points",
-    [
-        *(sequences.rank1_lattice(101, dims).points(101, dtype=jnp.float64) for dims in (2, 3)),
-        *(np.stack(np.meshgrid(*[np.arange(4) / 4] * dims), axis=-1).reshape(-1, dims) for dims in (2, 3)),
-    ],
-    ids=["rank-1", "rank-1, 3", "grid", "grid, 3"],
-)
-def test_a_lattice_stays_where_it_is(points):
-    """All cells of a lattice are alike and symmetric about their points."""
-    points = np.asarray(points)
-    np.testing.assert_allclose(blue_noise.centroids(points), points, rtol=0, atol=1e-9)
+@pytest.mark.parametrize("dims", [2, 3])
+def test_a_lattice_stays_where_it_is(dims):
+    """All cells of a lattice, of rank 1 or a grid, are alike and symmetric about their points."""
+    rank_1 = np.asarray(sequences.rank1_lattice(101, dims).points(101, dtype=jnp.float64))
+    for points in (rank_1, cube(4, dims) / 4):
+        np.testing.assert_allclose(blue_noise.centroids(points), points, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("dims", [2, 3])
@@ -142,14 +118,10 @@ def test_relaxation_knows_no_edges(dims):
 @pytest.mark.parametrize(("n", "dims", "largest"), [(256, 2, (2 / 3**0.5) ** 0.5), (100, 3, 2 ** (1 / 6))])
 def test_the_minimum_distance_grows_from_random_to_blue_noise(n, dims, largest):
     """In units of the largest distance that a lattice of this density can have."""
-    distances = [
-        min_distance(np.asarray(sequences.lloyd(n, dims, 3, k).points(n, dtype=jnp.float64)))
-        / (largest * n ** (-1 / dims))
-        for k in (0, 1, 5, 20)
-    ]
+    relaxed = [sequences.lloyd(n, dims, 3, k).points(n, dtype=jnp.float64) for k in (0, 1, 5, 20)]
+    distances = [min_distance(np.asarray(points)) / (largest * n ** (-1 / dims)) for points in relaxed]
     assert distances == sorted(distances)
-    assert distances[0] < 0.2
-    assert 0.5 < distances[-1] < 0.95
+    assert distances[0] < 0.2 and 0.5 < distances[-1] < 0.95
 
 
 @pytest.mark.parametrize(("radius", "key"), [(0.03, 4), (0.05, 1), (0.05, 2), (0.1, 1), (1, 4)])
@@ -164,10 +136,11 @@ def test_poisson_disks_do_not_overlap_and_leave_no_room(radius, key):
     assert KDTree(points).query(places)[0].max() < radius * (1 + 1e-6)
 
 
+BOXES = [(0.1, (1, 1)), (0.2, (0.5, 2)), (0.5, (0.5, 1, 2.2)), (0.5, (1, 1, 1, 0.75))]
+
+
 @pytest.mark.parametrize("torus", [False, True])
-@pytest.mark.parametrize(
-    ("radius", "sides"), [(0.1, (1, 1)), (0.2, (0.5, 2)), (0.5, (0.5, 1, 2.2)), (0.5, (1, 1, 1, 0.75))]
-)
+@pytest.mark.parametrize("radius, sides", BOXES)
 def test_poisson_disks_in_boxes_have_no_room_for_another(radius, sides, torus):
     """By all distances: of all pairs of points, and of a fine grid from the points."""
     seq = sequences.poisson_disk(radius, 4, sides, torus)
@@ -205,8 +178,12 @@ def test_traced_keys_are_an_error(make):
         jax.jit(lambda key: make(key)(0))(jax.random.key(0))
 
 
-test_bad_input_is_named = refuses(
-    ValueError, {"index .* got 4": lambda: sequences.latin_hypercube(4, 2, 0)(4)}
+test_bad_input_is_named = refused(
+    (sequences.latin_hypercube(4, 2, 0), 4, "index .* got 4"),
+    (sequences.net_by_net, sequences.sobol(1000), 2**20, 0, "n must be at most 2"),
+    (sequences.net_by_net, sequences.van_der_corput(2003), 2**22, 0, "4012009 in base 2003, got 4194304"),
+    (jax.jit(lambda s: sequences.net_by_net(s, 4, 0).table), sequences.faure(3), "sequence must be known"),
+    error=ValueError,
 )
 
 
@@ -262,9 +239,8 @@ def test_points_made_in_a_program_are_the_same(name):
 def test_fewer_points_are_the_first():
     for sequence in (sequences.sobol(3), sequences.halton(3)):
         table = sequences.net_by_net(sequence, 200, key=1).table
-        assert all(
-            np.array_equal(sequences.net_by_net(sequence, n, key=1).table, table[:n]) for n in (1, 2, 77)
-        )
+        for n in (1, 2, 77):
+            assert np.array_equal(sequences.net_by_net(sequence, n, key=1).table, table[:n])
     table = sequences.pmj02(300, 1).table
     assert np.array_equal(sequences.pmj02(77, 1).table, table[:77])
 
@@ -294,22 +270,26 @@ def test_pmj02_are_nets_whose_points_alternate_on_diagonals(levels):
     assert set(orders) == set(product(((0, 1), (1, 0)), repeat=levels))
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: sequences.net_by_net(sequences.sobol(1000), 2**20, 0), ValueError, "n must be at most 2"),
-        (
-            lambda: sequences.net_by_net(sequences.van_der_corput(2003), 2**22, 0),
-            ValueError,
-            "n must be at most 4012009 in base 2003, got 4194304",
-        ),
-        (
-            lambda: jax.jit(lambda s: sequences.net_by_net(s, 4, 0).table)(sequences.faure(3)),
-            ValueError,
-            "sequence must be known before tracing",
-        ),
-    ],
-)
-def test_errors_name_the_argument(call, error, message):
-    with pytest.raises(error, match=message):
-        call()
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 16, 101, 1024])
+def test_multi_jittered_points_are_stratified_three_times(n):
+    """One in each row of n, in each cell of the grid that is used, and at most one in each stratum of x."""
+    points = np.asarray(sequences.multi_jitter(n, 3).points(n, dtype=jnp.float64))
+    columns = int(n**0.5)
+    cells = columns * -(-n // columns)
+    assert sorted((points[:, 1] * n).astype(int)) == list(range(n))
+    assert len(set((points[:, 0] * cells).astype(int))) == n
+    if n == cells:
+        cell = (points * [columns, n // columns]).astype(int)
+        assert len(set(map(tuple, cell.tolist()))) == n
+
+
+def test_multi_jittered_points_are_uniform_over_keys():
+    """Also where the last row of the grid is not full; x and y, and two points, are uncorrelated."""
+    many = jax.vmap(lambda key: sequences.multi_jitter(7, key)(jnp.arange(2, dtype=jnp.uint32)))(
+        jax.random.split(jax.random.key(4), 4096)
+    )
+    x, y = np.asarray(many, np.float64).reshape(-1, 4)[:, :2].T
+    for values in (x, y):
+        counts = np.bincount((values * 16).astype(int), minlength=16)
+        assert np.all(abs(counts - 256) < 5 * 16)
+    assert abs(np.corrcoef(x, y)[0, 1]) < 5 / 64

@@ -1,7 +1,4 @@
-"""Programs for GPUs and TPUs, lowered on a processor: what is in them that would be slow or wrong there.
-
-``jax.export`` lowers a program for platforms that are not at hand. No test here runs one.
-"""
+"""Programs for GPUs and TPUs, lowered on a processor: what is in them that would be slow or wrong there."""
 
 import re
 from fnmatch import fnmatchcase
@@ -14,7 +11,7 @@ import pytest
 import tables
 from jax.core import Tracer
 from jax.sharding import AxisType
-from tables import KINDS, ORDERS, SAMPLERS, SEQUENCES, few, slow
+from tables import KINDS, ORDERS, SAMPLERS, SEQUENCES, few
 
 import analysis
 import qmcjax as qj
@@ -28,24 +25,14 @@ COUNT = 1024
 
 WORDS = jax.ShapeDtypeStruct((COUNT,), jnp.uint32)
 
-TABLES = {
-    pattern: what
-    for what, patterns in {
-        "permutations of digits": (
-            "halton, *; owen(halton*; digit_scramble(*; full_screen, halton, random; partitioned, *; "
-            "shifted, hilbert, lattice"
-        ),
-        "matrices of digits": "owen_exact(faure*; faure(10); faure(5, modified); quad_optimized(*",
-        "random trees": "art_owen(*; scrambled_morton, tree; full_screen, art; z, tree",
-        "points found by iteration or search": "lloyd(*; net_by_net(*; pmj02(*",
-        "orders found by search": "optimized; progressive*",
-        "masks and ranks": "dither, *; ranked",
-        "tiles of points": "designed; tiled, *",
-        "the user's counts of samples": "z, plain, counts",
-    }.items()
-    for pattern in patterns.split("; ")
-}
-"""Objects, by patterns of their names, that look things up for each sample, and what that is."""
+TABLES = (
+    "halton, *; owen(halton*; digit_scramble(*; full_screen, halton, random; partitioned, *; "
+    "shifted, hilbert, lattice; owen_exact(faure*; faure(10); faure(5, modified); quad_optimized(*; "
+    "art_owen(*; z, tree; scrambled_morton, tree; full_screen, art; lloyd(*; net_by_net(*; pmj02(*; "
+    "optimized; progressive*; dither, *; ranked; designed; tiled, *; z, plain, counts"
+).split("; ")
+"""Objects, by patterns of their names, that look things up for each sample: permutations and matrices of
+digits, random trees, points and orders found by search, masks, ranks, tiles, and the user's counts."""
 
 FRACTIONS = (
     "van_der_corput(7); van_der_corput(65536); halton[(,]*; faure(10); faure(5, modified); quad_optimized(*; "
@@ -86,53 +73,48 @@ def listed(name: str, names) -> str | None:
     return next((pattern for pattern in names if fnmatchcase(name, pattern)), None)
 
 
-def allowed(name: str) -> dict:
-    return {"tables": listed(name, TABLES), "fractions": listed(name, FRACTIONS) is not None}
-
-
-@pytest.mark.parametrize(
-    "name",
-    few(
-        (*KINDS, "halton(3)", "korobov(2000)", "quad_optimized(6)"),
-        "owen(sobol(2))",
-        "halton(3)",
-        "permutation_net_3d(11)",
-    ),
-)
-def test_sequences(name):
+def of_sequence(name):
     sequence = SEQUENCES[name]
     n = min(COUNT, sequence.size or COUNT)
-    text = lowered(lambda sequence, index: (sequence(index), sequence.points(n)), sequence, WORDS)
-    check(text, **allowed(name))
+    return lambda sequence, index: (sequence(index), sequence.points(n)), sequence, WORDS
 
 
-@pytest.mark.parametrize("name", few(ORDERS, "hilbert"))
-def test_orders(name):
+def of_order(name):
     order = ORDERS[name](32, 32)
-    check(lowered(lambda order, x: (order.position(x, x), order.pixel(x)), order, WORDS), **allowed(name))
+    return lambda order, x: (order.position(x, x), order.pixel(x)), order, WORDS
 
 
-@pytest.mark.parametrize("name", few(SAMPLERS, "z, hash", "full_screen, halton, random"))
-def test_samplers(name):
+def of_sampler(name):
     sampler = SAMPLERS[name]
     dims = tuple(range(sampler.dims))
-    check(lowered(lambda sampler, x: sampler(x, x, x, dims, jnp.float32), sampler, WORDS), **allowed(name))
+    return lambda sampler, x: sampler(x, x, x, dims, jnp.float32), sampler, WORDS
 
 
-@pytest.mark.parametrize(
-    "name",
-    few(
-        ("contiguous, hilbert, sobol", "contiguous, raster, halton", "z, hash", "optimized", "ranked"),
-        "contiguous, hilbert, sobol",
-    ),
-)
-def test_images(name):
-    """Rendering takes samples in batches: other programs than those of single samples, with their tables."""
+def of_image(name):
+    """Return what takes samples in batches: another program, with its tables."""
     sampler = SAMPLERS[name]
-    sides, spp = 32, getattr(sampler, "spp", 4)
+    spp = min(getattr(sampler, "spp", 4), 4)
     scene = scenes.function(lambda point: point.sum(axis=-1), tuple("xyuvw"[: sampler.dims]))
-    text = lowered(lambda sampler: qj.render(scene, sampler, sides, sides, min(spp, 4)), sampler)
-    check(text, **allowed(name))
+    return lambda sampler: qj.render(scene, sampler, 32, 32, spp), sampler
+
+
+IMAGES = "contiguous, hilbert, sobol", "contiguous, raster, halton", "z, hash", "optimized", "ranked"
+OBJECTS = {
+    "sequence": (of_sequence, (*KINDS, "halton(3)", "korobov(2000)", "quad_optimized(6)")),
+    **{"order": (of_order, ORDERS), "sampler": (of_sampler, SAMPLERS), "image": (of_image, IMAGES)},
+}
+OF_OBJECTS = {f"{kind}: {name}": (make, name) for kind, (make, names) in OBJECTS.items() for name in names}
+
+
+QUICK = """sequence: owen(sobol(2)); sequence: halton(3); sequence: permutation_net_3d(11); order: hilbert;
+    sampler: z, hash; sampler: full_screen, halton, random; image: contiguous, hilbert, sobol""".split(";")
+
+
+@pytest.mark.parametrize("case", few(OF_OBJECTS, *map(str.strip, QUICK)))
+def test_objects(case):
+    make, name = OF_OBJECTS[case]
+    function, *arguments = make(name)
+    check(lowered(function, *arguments), listed(name, TABLES), listed(name, FRACTIONS) is not None)
 
 
 @pytest.mark.slow
@@ -145,38 +127,15 @@ def test_images_on_two_devices():
     check(text)
 
 
-SCENES = {
-    name: getattr(scenes, name)
-    for name in (
-        "checkerboard zone_plate disc triangle gaussian ramp step line staircase heaviside product "
-        "flat_checkerboard moving_edge defocused_edge soft_shadow blinking_disc ball"
-    ).split()
-} | {
-    "path_toy": partial(scenes.path_toy, 2),
-    "genz, oscillatory": lambda: scenes.genz("oscillatory", 3),
-    "genz, corner_peak": lambda: scenes.genz("corner_peak", 3),
-}
+PLAIN = """checkerboard zone_plate disc triangle gaussian ramp step line staircase heaviside product
+    flat_checkerboard moving_edge defocused_edge soft_shadow blinking_disc ball"""
+SCENES = {name: getattr(scenes, name) for name in PLAIN.split()} | {"path_toy": partial(scenes.path_toy, 2)}
+SCENES |= {f"genz, {name}": partial(scenes.genz, name, 3) for name in ("oscillatory", "corner_peak")}
 
 
 def image(scene):
     sampler = samplers.independent(sequences.sobol(len(scene.needs)), key=3)
     return qj.render(scene, sampler, 32, 32, 1)
-
-
-@pytest.mark.parametrize("name", few(SCENES, "disc"))
-def test_scenes(name):
-    check(lowered(image, SCENES[name]()))
-
-
-@pytest.mark.parametrize("name", slow("zone_plate", "gaussian", "genz, oscillatory"))
-def test_derivatives_of_scenes(name):
-    check(lowered(jax.value_and_grad(lambda scene: image(scene).sum()), SCENES[name]()))
-
-
-@pytest.fixture
-def accelerator(monkeypatch):
-    """Let programs be traced as where the default device is no processor: without Numba's loops and tiles."""
-    tables.sizes(monkeypatch, backends.GPU)
 
 
 def fan(count):
@@ -203,11 +162,8 @@ def lit(materials, lights=1):
 
 
 CAMERA = tracing.camera([0, 0.5, 2], [0, 0, -3], aperture=0.05)
-MATERIALS = (
-    tracing.diffuse(tracing.checker(0.7, 0.2)),
-    tracing.glossy(0.04, 0.2, [0.6, 0.1, 0.1]),
-    tracing.mirror(0.9),
-)
+CHECKED, GLOSSY = tracing.diffuse(tracing.checker(0.7, 0.2)), tracing.glossy(0.04, 0.2, [0.6, 0.1, 0.1])
+MATERIALS = CHECKED, GLOSSY, tracing.mirror(0.9)
 TRACED = {
     "direct_light": lambda: tracing.direct_light(lit(MATERIALS[:2], 3), CAMERA),
     "path_tracing": lambda: tracing.path_tracing(lit(MATERIALS), CAMERA, bounces=2),
@@ -215,18 +171,38 @@ TRACED = {
 }
 
 
-@pytest.mark.parametrize("name", slow(*TRACED))
-def test_traced_scenes(accelerator, name):
-    check(lowered(image, TRACED[name]()), HIT)
+def brightness(colour):
+    matter = tracing.diffuse(colour)
+    return image(tracing.direct_light(lit((matter, matter)), CAMERA)).sum()
 
 
-@pytest.mark.slow
-def test_derivatives_of_traced_scenes(accelerator):
-    def total(colour):
-        matter = tracing.diffuse(colour)
-        return image(tracing.direct_light(lit((matter, matter)), CAMERA)).sum()
+CLOUD = jax.ShapeDtypeStruct((COUNT, 2), jnp.float32)
+CORPUT, SOBOL = sequences.owen(sequences.van_der_corput(), 3), sequences.sobol(2)
+ENERGIES = {name: getattr(analysis, name) for name in ("riesz_energy", "soft_min_distance")}
+ENERGIES["logarithmic"] = lambda points: analysis.riesz_energy(points, 0)
+DERIVED = "zone_plate", "gaussian", "genz, oscillatory"
+PROGRAMS = {
+    **{name: lambda make=make: (image, make()) for name, make in SCENES.items()},
+    **{f"derivative, {k}": lambda k=k: (jax.grad(lambda s: image(s).sum()), SCENES[k]()) for k in DERIVED},
+    **{f"traced, {name}": lambda make=make: (image, make()) for name, make in TRACED.items()},
+    "traced, derivative": lambda: (jax.value_and_grad(brightness), jax.ShapeDtypeStruct((3,), jnp.float32)),
+    **{name: lambda energy=energy: (jax.value_and_grad(energy), CLOUD) for name, energy in ENERGIES.items()},
+    "integrate": lambda: (lambda: qj.integrate(scenes.disc(), sequences.owen(SOBOL, 3), 2**14),),
+    "replicates": lambda: (lambda: qj.integrate(scenes.disc(), SOBOL, 2**12, replicates=4, key=3),),
+    "boundary_gradient": lambda: (partial(qj.boundary_gradient, scenes.disc(), CORPUT, 32, 32, 2**12),),
+}
+LOOKED_UP = {name: HIT for name in PROGRAMS if name.startswith("traced")}
+LOOKED_UP["boundary_gradient"] = "sums of pixels"
 
-    check(lowered(jax.value_and_grad(total), jax.ShapeDtypeStruct((3,), jnp.float32)), HIT)
+
+@pytest.mark.parametrize("name", few(PROGRAMS, "disc", "soft_min_distance"))
+def test_programs(monkeypatch, name):
+    """Traced scenes as where the default device is no processor: without Numba's loops and tiles."""
+    if name.startswith("traced"):
+        tables.sizes(monkeypatch, backends.GPU)
+    function, *arguments = PROGRAMS[name]()
+    # Replicates are summed in float64.
+    check(lowered(function, *arguments), LOOKED_UP.get(name), name == "replicates")
 
 
 @pytest.mark.slow
@@ -239,37 +215,6 @@ def test_numba_is_left_out_where_the_default_device_is_no_processor(monkeypatch)
         lowered(image, scene)
     tables.sizes(monkeypatch, backends.GPU)
     check(lowered(image, scene), HIT)
-
-
-MEANS = {
-    "integrate": lambda: qj.integrate(scenes.disc(), sequences.owen(sequences.sobol(2), 3), 2**14),
-    "integrate, replicates": lambda: qj.integrate(
-        scenes.disc(), sequences.sobol(2), 2**12, replicates=4, key=3
-    ),
-    "boundary_gradient": lambda: qj.boundary_gradient(
-        scenes.disc(), sequences.owen(sequences.van_der_corput(), 3), 32, 32, 2**12
-    ),
-}
-
-
-@pytest.mark.parametrize("name", slow(*MEANS))
-def test_means(name):
-    text = lowered(MEANS[name])
-    # Replicates are summed in float64.
-    check(text, "sums of pixels" if lookups(text) else None, fractions="replicates" in name)
-
-
-ENERGIES = {
-    "riesz_energy": analysis.riesz_energy,
-    "logarithmic": lambda points: analysis.riesz_energy(points, 0),
-    "soft_min_distance": analysis.soft_min_distance,
-}
-
-
-@pytest.mark.parametrize("name", few(ENERGIES, "soft_min_distance"))
-def test_energies(name):
-    points = jax.ShapeDtypeStruct((COUNT, 2), jnp.float32)
-    check(lowered(jax.value_and_grad(ENERGIES[name]), points))
 
 
 @pytest.fixture
@@ -287,45 +232,19 @@ def programs(monkeypatch):
     return texts
 
 
-def hilbert(spp):
-    return samplers.contiguous(orders.hilbert(32, 32), sequences.owen(sequences.sobol(2), 3), spp)
+HILBERT = samplers.contiguous(orders.hilbert(32, 32), sequences.owen(SOBOL, 3), 4)
 
 
-LOOPS = {
-    "render": lambda: qj.render(scenes.disc(), hilbert(4), 32, 32, 4),
-    "render_adaptive": lambda: qj.render_adaptive(scenes.disc(), hilbert(4), 32, 32, 4),
-    "render_passes": lambda: qj.render_passes(
-        scenes.disc(),
-        samplers.randomized(lambda key: samplers.independent(sequences.sobol(2), key), 3, 4),
-        *(32, 32, 2),
-    ),
-    "pixel_means": lambda: analysis.pixel_means(scenes.disc(), hilbert(4), 32, 32, 4),
-}
+LOOPS = {each.__name__: (each, HILBERT) for each in (qj.render, qj.render_adaptive, analysis.pixel_means)}
+LOOPS["render_passes"] = qj.render_passes, samplers.randomized(partial(samplers.independent, SOBOL), 3, 4)
 
 
-@pytest.mark.parametrize("name", slow(*LOOPS))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOPS)
 def test_programs_of_loops_on_the_host(programs, name):
     """What Python steers, by the programs that it calls."""
-    LOOPS[name]()
+    call, sampler = LOOPS[name]
+    call(scenes.disc(), sampler, 32, 32, 4)
     assert programs
     for text in programs:
         check(text)
-
-
-def test_what_is_looked_for_is_found():
-    table = jnp.arange(64, dtype=jnp.uint32)
-    index = WORDS
-
-    def called(x):
-        return jax.pure_callback(np.asarray, jax.ShapeDtypeStruct(x.shape, x.dtype), x)
-
-    def doubled(x):
-        with jax.enable_x64(True):
-            return (x.astype(jnp.float64) * 0.5).astype(jnp.float32)
-
-    with pytest.raises((ValueError, NotImplementedError), match="callback"):
-        lowered(called, index)
-    for wrong in (doubled, lambda x: table[x]):
-        with pytest.raises(AssertionError):
-            check(lowered(wrong, index))
-    check(lowered(lambda x: x * table[3], index))

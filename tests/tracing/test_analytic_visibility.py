@@ -1,6 +1,7 @@
 """Radiance over the shutter with visibility exact in time: closed forms, and means over times."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -41,9 +42,8 @@ class Glow:
 def passing(depth, x, powers):
     """Return a triangle that is 2 wide on a line through the eye, and moves by 5 in x."""
     corners = FLAT + np.array([x, 0, -depth])
-    return tracing.triangles(
-        [corners], [corners + np.array([5.0, 0, 0])], material=Glow(np.array(powers, float))
-    )
+    moved = corners + np.array([5.0, 0, 0])
+    return tracing.triangles([corners], [moved], material=Glow(np.array(powers, float)))
 
 
 def two(first=(1.0, 0, 0), second=(2.0, 0, 0), shutter=(0.0, 1.0)):
@@ -51,10 +51,6 @@ def two(first=(1.0, 0, 0), second=(2.0, 0, 0), shutter=(0.0, 1.0)):
     objects = [passing(4.0, -1.5, first), passing(5.0, -3.0, second)]
     world = tracing.world(objects, [tracing.environment(SKY)])
     return tracing.direct_light(world, replace(EYE, shutter=np.array(shutter)))
-
-
-def over_time(scene=None, **more):
-    return tracing.analytic_visibility(two() if scene is None else scene, **more)
 
 
 PIECES = [(k, (-2 / 3 - x) / 5, (2 / 3 - x) / 5) for k, x in enumerate((-1.5, -3.0))]
@@ -86,58 +82,48 @@ def test_needs_have_no_time():
 SAMPLES = 5
 
 
+def exact(first, second, opened=0.0, closed=1.0):
+    """Return what two triangles of polynomial light and the sky send on average while the shutter is open."""
+    total = covered = 0.0
+    for (_, start, end), powers in zip(PIECES, (first, second), strict=True):
+        start, end = np.clip((start, end), opened, closed)
+        total, covered = total + Glow(powers).integral(start, end), covered + end - start
+    return (total + SKY * (closed - opened - covered)) / (closed - opened)
+
+
+LIGHT = (1.0, 2.0, 0), (0.0, 1.0, 1.0)
+
+
 @pytest.mark.slow
-def test_means_over_shading_are_integrals():
-    """Each interval has at least one sample, and the mean over their coordinate is exact."""
-    light = (1.0, 0, 0), (2.0, -1.0, 3.0)
-    scene = tracing.analytic_visibility(two(*light), SAMPLES)
-    found = at(scene, OFFSETS)
-    exact = sum(Glow(light[k]).integral(start, end) for k, start, end in PIECES)
-    dark = 1 - sum(end - start for _, start, end in PIECES)
+@pytest.mark.parametrize("shutter", [(0.0, 1.0), (0.35, 0.6), (0.3, 0.3), (0.0, 0.0), (1.0, 1.0)], ids=str)
+def test_means_over_shading_are_integrals(shutter):
+    """Over a shutter, or a part; of one of no length it is what is seen at that time."""
+    found = at(tracing.analytic_visibility(two(*LIGHT, shutter=shutter), SAMPLES), OFFSETS)[:, 0]
+    if shutter[0] < shutter[1]:
+        wanted = exact(*LIGHT, *shutter)
+        assert found.std() > 1e-3
+    else:
+        there = [LIGHT[k] for k, a, b in PIECES if a <= shutter[0] < b]
+        wanted = np.polyval((there or [(SKY, 0, 0)])[0][::-1], shutter[0])
     # The mean of a parabola over 64 midpoints misses a little.
-    np.testing.assert_allclose(found.mean(axis=0), exact * np.array([1, 2, 0]) + dark * SKY, rtol=1e-4)
-    assert found[:, 0].std() > 1e-3
-    # Where shading does not depend on time, neither does the value.
-    found = at(tracing.analytic_visibility(two(), SAMPLES), OFFSETS)
-    exact = sum((k + 1) * (end - start) for k, start, end in PIECES)
-    np.testing.assert_allclose(found[:, 0], exact + dark * SKY, rtol=1e-5)
+    np.testing.assert_allclose(found.mean(), wanted, rtol=1e-4)
 
 
 @pytest.mark.slow
-def test_the_shutter_is_what_is_averaged_over():
-    """Of a part, and of no length at all: then it is what is seen at that time."""
-    for shutter in ((0.35, 0.6), (0.3, 0.3), (0.0, 0.0), (1.0, 1.0)):
-        direct = two((1.0, 2.0, 0), (0.0, 1.0, 1.0), shutter=shutter)
-        if shutter[0] < shutter[1]:
-            clipped = [(k, max(a, shutter[0]), min(b, shutter[1])) for k, a, b in PIECES]
-            covered = sum(b - a for _, a, b in clipped)
-            exact = sum(
-                Glow(np.asarray(direct.world.objects[k].material.powers)).integral(a, b)
-                for k, a, b in clipped
-            ) + SKY * (shutter[1] - shutter[0] - covered)
-            exact = exact / (shutter[1] - shutter[0])
-        else:
-            there = [k for k, a, b in PIECES if a <= shutter[0] < b]
-            powers = direct.world.objects[there[0]].material.powers if there else [SKY, 0, 0]
-            exact = np.polyval(np.asarray(powers, np.float64)[::-1], shutter[0])
-        found = at(tracing.analytic_visibility(direct, SAMPLES), OFFSETS)[:, 0]
-        np.testing.assert_allclose(found.mean(), exact, rtol=1e-4)
+def test_where_shading_does_not_depend_on_time_neither_does_the_value():
+    found = at(tracing.analytic_visibility(two(), SAMPLES), OFFSETS)
+    np.testing.assert_allclose(found[:, 0], exact((1, 0, 0), (2, 0, 0)), rtol=1e-5)
 
 
 @pytest.mark.slow
 def test_ends_are_exact_for_what_is_linear():
     """And the trapezoidal rule for the rest: of t^2 it makes (end - start)^3 / 6 too much."""
-    linear = tracing.analytic_visibility(two((1.0, 2.0, 0), (2.0, -1.0, 0)), None)
-    exact = sum(
-        Glow(p).integral(a, b) for p, (_, a, b) in zip(((1.0, 2, 0), (2.0, -1, 0)), PIECES, strict=True)
-    )
-    dark = SKY * (1 - sum(b - a for _, a, b in PIECES))
-    np.testing.assert_allclose(at(linear, OFFSETS[:1])[0, 0], exact + dark, rtol=1e-5)
-    square = tracing.analytic_visibility(two((0, 0, 1.0), (0, 0, 1.0)), None)
-    exact = sum(Glow((0, 0, 1.0)).integral(a, b) for _, a, b in PIECES) + dark
+    linear, square = ((1.0, 2.0, 0), (2.0, -1.0, 0)), ((0, 0, 1.0), (0, 0, 1.0))
+    found = [at(tracing.analytic_visibility(two(*of), None), OFFSETS[:1])[0, 0] for of in (linear, square)]
+    np.testing.assert_allclose(found[0], exact(*linear), rtol=1e-5)
     more = sum((b - a) ** 3 / 6 for _, a, b in PIECES)
     # They are shaded a little inside.
-    np.testing.assert_allclose(at(square, OFFSETS[:1])[0, 0], exact + more, atol=1e-2 * more)
+    np.testing.assert_allclose(found[1], exact(*square) + more, atol=1e-2 * more)
 
 
 @pytest.mark.slow
@@ -150,9 +136,8 @@ def test_what_does_not_fit_is_sampled_and_told():
     assert 1 - end < float(unresolved(scene, middle)[0]) <= 1 - first + 1e-6
     offsets = (np.arange(2**12) + 0.5) / 2**12
     found = at(scene, offsets)[:, 0]
-    exact = sum((k + 1 - SKY) * (b - a) for k, a, b in PIECES) + SKY
     assert found.std() > 0.1
-    np.testing.assert_allclose(found.mean(), exact, atol=2 / 2**12)
+    np.testing.assert_allclose(found.mean(), exact((1, 0, 0), (2, 0, 0)), atol=2 / 2**12)
     whole = tracing.analytic_visibility(two())
     assert float(unresolved(whole, middle)[0]) == 0
 
@@ -173,9 +158,8 @@ def test_triangles_that_degenerate_and_rays_in_the_plane_of_motion():
     np.testing.assert_allclose(found.mean(axis=0), mean, rtol=2e-3)
     # Seen from the edge, hits are within rounding, all or none: values are finite, those of one or the other.
     edge = np.array([[[0.0, -1, -3], [0, -1, -5], [0, 2, -4]]])
-    world = tracing.world(
-        [tracing.triangles(edge, edge + np.array([0, 0.5, 1]), material=light)], [tracing.environment(SKY)]
-    )
+    seen = tracing.triangles(edge, edge + np.array([0, 0.5, 1]), material=light)
+    world = tracing.world([seen], [tracing.environment(SKY)])
     scene = tracing.analytic_visibility(tracing.direct_light(world, EYE), SAMPLES)
     found = at(scene, OFFSETS)[:, 0]
     assert (np.isclose(found, SKY, rtol=1e-3) | ((found >= 1) & (found <= 2))).all()
@@ -184,15 +168,10 @@ def test_triangles_that_degenerate_and_rays_in_the_plane_of_motion():
 SPIN = motion.affine(lambda t: motion.quaternion([0, 0, 1], t))
 TURNING = tracing.world([tracing.sphere([0, 0, 0], 1.0, motion=SPIN)])
 test_wrong_arguments = refused(
-    (lambda: over_time(scenes.cornell_box()), TypeError, "scene must be made by"),
-    (
-        lambda: over_time(replace(two(), camera=replace(EYE, motion=SPIN))),
-        TypeError,
-        "camera that does not move",
-    ),
-    (lambda: over_time(replace(two(), world=TURNING)), TypeError, "motion of object 0 must be linear"),
-    (lambda: over_time()(jnp.zeros((2, 4))), ValueError, "point must have shape"),
-    (lambda: scenes.cornell_box(visibility="exact"), ValueError, "visibility must be one of"),
+    (replace(two(), camera=replace(EYE, motion=SPIN)), "camera that does not move"),
+    (replace(two(), world=TURNING), "motion of object 0 must be linear"),
+    call=tracing.analytic_visibility,
+    error=TypeError,
 )
 
 
@@ -204,9 +183,7 @@ def test_linear_segments_of_the_helicopter_are_near_its_curves():
     tip = {0: [-4.25, 1.5, 1.0], -3: [3.3, 0.0, 0.31], -2: [3.3, 0.0, 0.31]}
     for item, point in tip.items():
         (a, s), (b, t) = (jax.jit(objects[item].motion)(times) for objects in (straight, curved))
-        apart = np.linalg.norm(
-            a @ np.array(point, np.float32) + s - b @ np.array(point, np.float32) - t, axis=1
-        )
+        apart = np.linalg.norm((a - b) @ np.array(point, np.float32) + s - t, axis=1)
         assert 1e-4 < apart.max() < 0.02
     with pytest.raises(ValueError, match="turns must be at most 100 either way, got -101"):
         scenes.helicopter(turns=-101.0, visibility="analytic")
@@ -229,21 +206,18 @@ def block_means(scene, batches, batch):
     return mean, (squares / count - mean**2) / count
 
 
-def check_means(over_time, batches=3, batch=2**15):
-    """Compare with the same world at sampled times, block by block."""
-    both = (over_time, over_time.estimator)
-    (mean, variance), (other, more) = (block_means(scene, batches, batch) for scene in both)
+BOX = partial(scenes.cornell_box, light=0.5, bounces=1)
+WHOLE = {
+    # Triangles and their shadows at the camera's light; spheres, a mirror, shadows of both, scattered light.
+    "triangles": lambda: scenes.moving_triangles(visibility="analytic").estimator,
+    "spheres": lambda: replace(BOX(visibility="analytic").estimator, samples=2, intervals=6),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WHOLE)
+def test_images_have_the_mean_of_sampled_visibility(name):
+    """Block by block, that of the same world at sampled times."""
+    scene = WHOLE[name]()
+    (mean, variance), (other, more) = (block_means(of, 3, 2**15) for of in (scene, scene.estimator))
     assert (abs(mean - other) <= 5 * np.sqrt(variance + more) + 1e-6).all()
-
-
-@pytest.mark.slow
-def test_images_have_the_mean_of_sampled_visibility():
-    """Triangles and their shadows at the camera's light."""
-    check_means(scenes.moving_triangles(visibility="analytic").estimator)
-
-
-@pytest.mark.slow
-def test_paths_have_the_mean_of_sampled_visibility():
-    """Spheres, a mirror, shadows of both, and light that is scattered."""
-    scene = scenes.cornell_box(light=0.5, bounces=1, visibility="analytic").estimator
-    check_means(replace(scene, samples=2, intervals=6))

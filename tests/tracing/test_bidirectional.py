@@ -33,21 +33,11 @@ def room(lights, material=WALLS, motion=None, walls=WALLS, opened=False):
 
 
 FLYING = tracing.motion.affine(None, tracing.motion.linear_segments([0, 1], [[0, 0, 0], [0.3, 0, -0.2]]))
-MIRROR = tracing.mirror(0.9)
+MIRROR, LENS = tracing.mirror(0.9), {"aperture": 0.05, "shutter": (0.1, 0.9)}
 CASES = {
     "diffuse": (room(["rectangle"]), camera(), 2, 1),
-    "all lights, rough metal": (
-        room(LIGHTS, tracing.glossy(0.9, 0.3), opened=True),
-        camera(),
-        3,
-        2,
-    ),
-    "moving mirror, point, lens": (
-        room(["point"], MIRROR, FLYING, GLOSSY),
-        camera(aperture=0.05, shutter=(0.1, 0.9)),
-        2,
-        1,
-    ),
+    "all lights, rough metal": (room(LIGHTS, tracing.glossy(0.9, 0.3), opened=True), camera(), 3, 2),
+    "moving mirror, point, lens": (room(["point"], MIRROR, FLYING, GLOSSY), camera(**LENS), 2, 1),
     "four surfaces, mirror": (room(["rectangle", "sphere"], MIRROR, walls=GLOSSY), camera(), 4, 4),
 }
 """Worlds, cameras, and most bounces of paths from cameras and lights: a program each takes longest."""
@@ -55,12 +45,8 @@ CASES = {
 
 def drawn(scene, samples, key):
     """Return independent points in each of a few pixels, in float32: (SIDE, SIDE, samples, needs)."""
-    count = len(scene.needs)
-    points = np.array(jax.random.uniform(jax.random.key(key), (SIDE, SIDE, samples, count)))
-    for axis in (0, 1):
-        shape = [1, 1, 1]
-        shape[axis] = SIDE
-        points[..., axis] = (points[..., axis] + np.arange(SIDE).reshape(shape)) / SIDE
+    points = np.array(jax.random.uniform(jax.random.key(key), (SIDE, SIDE, samples, len(scene.needs))))
+    points[..., :2] = (points[..., :2] + np.indices((SIDE, SIDE)).T[:, :, None]) / SIDE
     return points
 
 
@@ -124,10 +110,8 @@ def test_needs_name_what_paths_of_lights_take():
     assert needs(["point"], 2, bounces=0) == ()
     assert needs(["environment", "sphere"], 1) == ("emit_u", "emit_v", *way)
     assert needs(["point", "sphere"], 2) == ("emit", "emit_u", "emit_v", *way, "scatter1_u", "scatter1_v")
-    assert needs(["point"], 9, GLOSSY, 3) == (
-        *way,
-        *(f"scatter{s}_{part}" for s in (1, 2) for part in ("u", "v", "lobe")),
-    )
+    scattered = (f"scatter{s}_{part}" for s in (1, 2) for part in ("u", "v", "lobe"))
+    assert needs(["point"], 9, GLOSSY, 3) == (*way, *scattered)
 
 
 @pytest.mark.slow

@@ -16,10 +16,7 @@ EYE = np.array([0, 1, 1.5])
 
 
 def floor(light, given):
-    """Return a glossy floor under a ball that shines: an emitter, or a light beside one that is dark.
-
-    Half of the samples are of the dark one: densities that forget how many lights there are give a bias.
-    """
+    """Return a glossy floor under a ball that shines: an emitter, or a light beside one that is dark."""
     material = tracing.glossy(given["color"], given["roughness"], given["diffuse"])
     objects = [tracing.plane([0, 0, 0], [0, 1, 0], material=material)]
     if light:
@@ -37,11 +34,8 @@ def seen(given):
     cosine = (0.5 * (1 + least) + 0.5 * (1 - least) * nodes)[:, None]
     angle = 2 * np.pi * np.arange(64) / 64
     sine, across = np.sqrt(1 - cosine**2), np.cross(axis, [1.0, 0, 0])
-    way = (
-        cosine[..., None] * axis
-        + (sine * np.cos(angle))[..., None] * np.array([1.0, 0, 0])
-        + (sine * np.sin(angle))[..., None] * across
-    )
+    parts = (cosine, axis), (sine * np.cos(angle), np.array([1.0, 0, 0])), (sine * np.sin(angle), across)
+    way = sum(part[..., None] * along for part, along in parts)
     glossy, _ = ggx(given["roughness"], given["color"], out[[2, 0, 1]], way[..., [2, 0, 1]])
     reflected = glossy + given["diffuse"] * way[..., 1] / np.pi
     solid = 0.5 * (1 - least) * weights[:, None] * 2 * np.pi / 64
@@ -82,12 +76,7 @@ def agree(found, truth, part):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "light"),
-    [
-        ("1 bounces", False),
-        ("1 bounces", True),
-        ("direct light", True),
-        ("bidirectional", True),
-    ],
+    [("1 bounces", False), ("1 bounces", True), ("direct light", True), ("bidirectional", True)],
 )
 def test_a_floor_under_a_ball_has_closed_forms(name, light):
     call = derived(name, partial(floor, light), tracing.camera(EYE, [0, 0, 0], fov=1e-3), 2**18, 1)
@@ -98,18 +87,8 @@ def test_a_floor_under_a_ball_has_closed_forms(name, light):
         agree(slope, (high - low) / 2e-4, 0.01)
 
 
-ROOM = {
-    "color": 0.6,
-    "roughness": 0.3,
-    "diffuse": 0.1,
-    "wall": 0.5,
-    "checker": 0.2,
-    "sphere": 2.0,
-    "rectangle": 3.0,
-    "point": 1.0,
-    "environment": 0.2,
-    "emitter": 3.0,
-}
+ROOM = {"color": 0.6, "roughness": 0.3, "diffuse": 0.1, "wall": 0.5, "checker": 0.2, "sphere": 2.0}
+ROOM |= {"rectangle": 3.0, "point": 1.0, "environment": 0.2, "emitter": 3.0}
 STEPS = (
     {name: 0.3 * value * (name == "roughness") for name, value in ROOM.items()},
     {name: value * {"roughness": 0.0, "diffuse": -0.3}.get(name, 0.3) for name, value in ROOM.items()},
@@ -176,6 +155,7 @@ def filling_floor(given):
 BALL = {"radius": 2.0, "position": [0.3, 0.5, -0.2], "eye": [0.1, 0.5, 1.0]}
 FILLED = {"color": [0.2, 0.5, 0.7], "roughness": 0.4, "position": [0.3, 1.5, -0.2], "radius": 0.5}
 FILLED |= {"corner": [-1.5, 1.5, 0.0], "eye": [0.1, 1.5, 1.0], "fov": 40.0}
+BIDIRECTIONAL = partial(tracing.bidirectional, bounces=1, light_bounces=1)
 
 
 @pytest.mark.slow
@@ -184,9 +164,7 @@ FILLED |= {"corner": [-1.5, 1.5, 0.0], "eye": [0.1, 1.5, 1.0], "fov": 40.0}
     [
         pytest.param(ESTIMATORS["1 bounces"], glossy_ball, BALL, id="1 bounces"),
         # Longer paths of light take longer to compile; they are in means, above.
-        pytest.param(
-            partial(tracing.bidirectional, bounces=1, light_bounces=1), glossy_ball, BALL, id="bidirectional"
-        ),
+        pytest.param(BIDIRECTIONAL, glossy_ball, BALL, id="bidirectional"),
         pytest.param(tracing.direct_light, filling_floor, FILLED, id="direct light"),
     ],
 )

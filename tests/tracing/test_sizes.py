@@ -1,7 +1,6 @@
 """Bodies, lights, normals and directions of all sizes: powers of two change no digit of what is seen."""
 
 from functools import partial
-from importlib.util import find_spec
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +8,7 @@ import numpy as np
 import pytest
 from scene_tables import evaluated
 from tables import slow
-from test_trees import blob, mesh, searched, without_trees
+from worlds import blob, looped, mesh, needs_numba, searched
 
 from qmcjax import tracing
 from qmcjax.tracing.search import intersection, program
@@ -48,19 +47,13 @@ def rays(count):
 ORIGIN, WAY = rays(4096)
 TIME = np.linspace(0, 1, len(ORIGIN), dtype=np.float32)
 
-FINDERS = {
-    "loops": lambda world, *given: searched(without_trees(world), *given, intersector=program.by_program),
-    "trees": lambda world, *given: searched(world, *given, intersector=program.by_program),
-    "compiled": lambda world, *given: searched(world, *given, intersector=intersection.compiled),
-}
+
+COMPILED = pytest.param(partial(searched, intersector=intersection.compiled), marks=needs_numba)
+FIND = [COMPILED, *slow(looped, partial(searched, intersector=program.by_program))]
 
 
-@pytest.mark.parametrize("finder", ["compiled", *slow("loops", "trees")])
-def test_bodies_of_all_sizes_are_hit(finder):
-    if finder == "compiled" and find_spec("numba") is None:
-        pytest.skip("numba is not installed")
-    find = jax.jit(FINDERS[finder])
-
+@pytest.mark.parametrize("find", FIND, ids=("compiled", "loops", "trees"))
+def test_bodies_of_all_sizes_are_hit(find):
     def found(size):
         world = tracing.world(list(bodies(size).values()))
         given = jax.tree.map(lambda leaf: jnp.asarray(leaf), world)
@@ -113,11 +106,9 @@ def test_directions_of_all_lengths_hit_or_are_refused(kind):
         tracing.nearest_hit(world, origin, jnp.asarray(np.float32([0, 0, 1e-39])))
 
 
-ESTIMATORS = {
-    "direct": tracing.direct_light,
-    "paths": partial(tracing.path_tracing, bounces=2),
-    "bidirectional": partial(tracing.bidirectional, bounces=1, light_bounces=1),
-}
+BIDIRECTIONAL = partial(tracing.bidirectional, bounces=1, light_bounces=1)
+PATHS = partial(tracing.path_tracing, bounces=2)
+ESTIMATORS = {"direct": tracing.direct_light, "paths": PATHS, "bidirectional": BIDIRECTIONAL}
 
 
 @pytest.mark.slow

@@ -1,0 +1,267 @@
+"""Line samples: exact visibility along lines of the screen, of lenses and of lights, and its derivatives."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from qmcjax import render, samplers, sequences, tracing
+from qmcjax.tracing._intervals import fans, lines
+from qmcjax.tracing._shapes.vectors import minus
+from qmcjax.tracing.search.intersection import in_dtype
+
+RNG = np.random.default_rng(5)
+GREY = tracing.diffuse(0.7)
+
+
+@pytest.fixture(autouse=True)
+def _doubles():
+    with jax.enable_x64(True):
+        yield
+
+
+def triangles(count, size):
+    return RNG.normal([0, 0, 6], 1.2, (count, 1, 3)) + RNG.normal(size=(count, 3, 3)) * size
+
+
+def sliding(*way):
+    return tracing.motion.affine(None, tracing.motion.linear_segments([0, 1], [[0, 0, 0], way]))
+
+
+WORLDS = {
+    "spheres": [tracing.sphere(RNG.normal([0, 0, 6], 1, (6, 3)), RNG.uniform(0.2, 0.8, 6))],
+    "from inside": [tracing.sphere([0.0, 0, 0], 3.0), tracing.sphere([0, 0.1, 2.9], 0.5)],
+    "triangles": [tracing.triangles(triangles(20, 0.6))],
+    "a tree": [tracing.triangles(triangles(300, 0.1))],
+    "closing": [tracing.triangles(triangles(9, 0.6), close=triangles(9, 0.6))],
+    "flat": [
+        tracing.rectangle([-1, -1, 4], [2, 0, 0.5], [0, 2, 0.3]),
+        tracing.box([-0.5, -0.5, 3], [0.8, 0.3, 3.8]),
+        tracing.disc([0.4, 0.2, 2.5], [0.2, 0.3, 1], 0.6),
+        tracing.plane([0, -1, 0], [0, 1, 0.1]),
+    ],
+    "cylinders": [
+        tracing.cylinder([-0.5, -0.5, 4], [0.4, 0.8, 4.3], 0.3),
+        tracing.cylinder([0.5, -0.5, 4], [0.6, 0.2, 3.0], 0.4),
+    ],
+    "moving": [
+        tracing.sphere([0, 0, 5], 1.0, motion=sliding(1, 0.5, 0)),
+        tracing.box([-1, -1, 4.5], [0, 0, 5.5], motion=sliding(0.3, 0.5, 0)),
+    ],
+}
+COUNT = 24
+
+
+def fan_of(kind, dtype):
+    """Return fans across a screen, or over a lens: their rays meet in a point in focus."""
+    y, zero = jnp.asarray(RNG.uniform(-0.3, 0.3, 64), dtype), jnp.zeros(64, dtype)
+    if kind == "screen":
+        return fans.eye(
+            (zero, zero, zero), (zero - 0.4, y, zero + 1), (zero + 0.4, y + 0.1, zero + 1), zero + 0.5
+        )
+    focus = y, 0.7 * y, zero + 5.5
+    first, last = (minus(focus, (x, y, zero)) for x in (zero - 0.5, zero + 0.5))
+    return fans.Fan(focus, first, last, zero - 1, zero + 0.5, zero + 1e-6, zero + jnp.inf)
+
+
+def rays_at(fan, t):
+    """Return origins and directions at t (m, n)."""
+    fan = jax.tree.map(lambda a: jnp.broadcast_to(a, t.shape), fan)
+    direction = jnp.stack(fan.direction(t), axis=-1)
+    return jnp.stack(fan.apex, axis=-1) + fan.begin[..., None] * direction, direction
+
+
+def part_at(found, t):
+    """Return the numbers of the parts that contain t (m, n); -1 for none."""
+    start, end, number = (a[None] for a in (found.start, found.end, found.number))
+    return jnp.where((start <= t[:, None]) & (t[:, None] < end), number, -1).max(axis=1)
+
+
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+@pytest.mark.parametrize("kind", ["screen", "lens"])
+@pytest.mark.parametrize("name", WORLDS)
+def test_parts_are_what_rays_hit(name, kind, dtype):
+    world = in_dtype(lines.opened(tracing.world(WORLDS[name])), dtype)
+    fan = fan_of(kind, dtype)
+    found = jax.jit(lines.find_visible, static_argnums=2)(world, fan, COUNT)
+    t = jnp.asarray(RNG.random((500, 64)), dtype)
+    expected = tracing.nearest_hit(world, *rays_at(fan, t), 0.5).shape
+    known = t < found.until[None]
+    assert known.mean() > 0.9
+    assert (known & (part_at(found, t) != expected)).mean() <= (0 if dtype == jnp.float64 else 1e-3)
+
+
+@pytest.mark.parametrize("name", WORLDS)
+def test_clear_parts_are_what_nothing_hides(name):
+    world = lines.opened(tracing.world(WORLDS[name]))
+    fan = fan_of("screen", jnp.float64)._replace(limit=jnp.full(64, 5.2))
+    found = jax.jit(lines.find_clear, static_argnums=2)(world, fan, COUNT)
+    t = jnp.asarray(RNG.random((500, 64)))
+    hidden = tracing.any_hit(world, *rays_at(fan, t), 0.5, 5.2)
+    clear, known = part_at(found, t) == lines.CLEAR, t < found.until[None]
+    assert known.mean() > 0.9
+    assert not jnp.any(known & (clear == hidden))
+
+
+def lamp(x):
+    return tracing.rectangle_light(
+        jnp.stack([x - 0.8, 2.2 + 0 * x, 0 * x - 0.8]), [1.6, 0, 0], [0, 0, 1.6], 6.0
+    )
+
+
+GLOW, DIM = tracing.emitter(0.7), tracing.emitter(0.2)
+
+
+def objects_of(name, x, y, z):
+    """Return two objects that move by x and y, and change by z."""
+    center = jnp.stack([x, y, 0 * z])
+    match name:
+        case "ball":
+            wall = tracing.rectangle([-3, -2, -1.5], [6, 0, 0], [0, 5, 0], material=DIM)
+            return [tracing.sphere(center, 0.7 + z, material=GLOW), wall]
+        case "shard through side":
+            corners = jnp.array([[[-1.0, -0.8, 0.5], [0.9, -0.7, 0.8], [-0.4, 0.8, -0.6]]])
+            shard = tracing.triangles(corners + center[None, None] + z, material=GLOW)
+            corner = jnp.stack([-2 + 0 * y, -1 + y, -1 + 0 * y])
+            return [shard, tracing.rectangle(corner, [4, 0, 0.2], [0, 0.6, 2.5], material=DIM)]
+        case "pipe and coin":
+            pipe = tracing.cylinder(
+                center - jnp.array([0.6, 0.9, 0.0]), [0.5, 0.9, 0.2], 0.4 + y, material=GLOW
+            )
+            return [pipe, tracing.disc(center + 0.4, [0.3, 0.4, 1], 0.6 + z, material=DIM)]
+        case "shadow":
+            floor = tracing.rectangle([-2, -0.9, -2], [0, 0, 4], [4, 0, 0], material=GREY)
+            return [floor, tracing.sphere(center, 0.5 + z, material=GREY)]
+
+
+def scene_of(name, theta, chosen, **options):
+    """Return a scene that moves objects by theta[:3], a light and the camera by theta[3]."""
+    x, y, z, w = jnp.asarray(theta)
+    lights = [lamp(w)] if name == "shadow" else []
+    camera = tracing.camera(jnp.stack([0.2 + w, 0.5 + 0 * w, 4.0 + 0 * w]), [0, 0, 0], fov=45.0 + z)
+    return tracing.direct_light(
+        tracing.world(objects_of(name, x, y, z), lights), camera, lines=chosen, **options
+    )
+
+
+SCENES = {"ball": "x", "shard through side": "x", "pipe and coin": "x", "shadow": ("x", "light_u")}
+THETA = np.array([0.13, 0.05, 0.02, 0.03])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_are_those_of_finite_differences(name):
+    """A line is a continuous function of all parameters: its derivative is that of its own differences."""
+    points = jnp.asarray(RNG.random((60, 4 if name == "shadow" else 2)))
+    weights = jnp.asarray(RNG.random((60, 1)))
+
+    def value(theta):
+        return jnp.sum(weights * scene_of(name, theta, SCENES[name]).with_columns(3)(points))
+
+    found, compiled = jax.jit(jax.grad(value))(jnp.asarray(THETA)), jax.jit(value)
+    step = 1e-5
+    for k in range(4):
+        move = jnp.zeros(4).at[k].set(step)
+        expected = (compiled(THETA + move) - compiled(THETA - move)) / (2 * step)
+        np.testing.assert_allclose(found[k], expected, rtol=2e-4, atol=2e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("intervals", [1, 8])
+def test_means_are_those_of_points(name, intervals):
+    """Also where parts do not fit: within 5 sigma."""
+    count = 2**14
+    points = jnp.asarray(RNG.random((count, 4 if name == "shadow" else 2)))
+    lined = scene_of(name, THETA, SCENES[name], intervals=intervals).with_columns(5)
+    one, other = (np.asarray(jax.jit(scene)(points))[:, 0] for scene in (lined, scene_of(name, THETA, ())))
+    difference = one - other
+    assert abs(difference.mean()) <= 5 * difference.std() / np.sqrt(count)
+    if intervals == 8:
+        assert one.var() < other.var()
+
+
+def test_screen_area_of_a_ball_and_its_derivative():
+    """A ball at distance D on the axis covers a disc of radius tan(asin(r / D)) at distance 1."""
+    height = 0.5 * 0.8 / np.sqrt(16 - 0.8**2) / np.tan(np.pi / 9)
+    angle = (jnp.arange(400.0) + 0.5) * np.pi / 400
+
+    def mean(radius):
+        ball = tracing.sphere([0, 0, 0], radius, material=tracing.emitter(1.0))
+        scene = tracing.direct_light(tracing.world([ball]), tracing.camera([0, 0, 4], [0, 0, 0]), lines="x")
+        # Chords, and more so their derivatives, are not smooth at both poles.
+        y = 0.5 + height * jnp.cos(angle)
+        values = scene(jnp.stack([jnp.full_like(y, 0.3), y], axis=-1))[:, 0]
+        return jnp.sum(values * jnp.sin(angle)) * height * np.pi / 400
+
+    def exact(radius):
+        return np.pi * radius**2 / (16 - radius**2) / (2 * np.tan(np.pi / 9)) ** 2
+
+    found = jax.jit(jax.value_and_grad(mean))(0.8)
+    np.testing.assert_allclose(found, (exact(0.8), (exact(0.8001) - exact(0.7999)) / 0.0002), rtol=1e-4)
+
+
+def test_render_tells_the_width():
+    scene = scene_of("ball", THETA, "x")
+    sampler = samplers.full_screen(sequences.sobol(2), 4, 3)
+    image = render(scene, sampler, 4, 3, 16, dtype=jnp.float64)
+    y = (jnp.arange(300.0) + 0.5) / 300
+    points = jnp.stack(jnp.broadcast_arrays((jnp.arange(4.0)[None] + 0.5) / 4, y[:, None]), axis=-1)
+    expected = jax.jit(scene.with_columns(4))(points).reshape(3, 100, 4, 3).mean(axis=1)
+    np.testing.assert_allclose(image, expected, atol=0.03)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_degenerate_figures_have_finite_derivatives(scale):
+    """Flat triangles, edges seen along their length, a ball around the eye, in float32."""
+    flat = [[[0, 0, 0], [0, 0, 0], [1, 0, 0]], [[0, 0, 0], [1, 0, 0], [2, 0, 0]]]
+    on_edge, twice = [[[-1, 0, 0], [1, 0, 0], [0, 0, 5]]], [[[-1, -1, 0], [1, -1, 0], [0, 1, 0]]] * 2
+    corners = jnp.array([*flat, *on_edge, *twice], jnp.float32)
+
+    def value(size):
+        objects = [
+            tracing.triangles(corners * size, material=tracing.emitter(1.0)),
+            tracing.sphere([0, 0, 5 * scale], size, material=tracing.emitter(0.5)),
+        ]
+        scene = tracing.direct_light(
+            tracing.world(objects), tracing.camera([0, 0, 5 * scale], [0, 0, 0]), lines="x"
+        )
+        y = jnp.asarray([0.0, 0.25, 0.5, 0.75, 1.0], jnp.float32)
+        return scene(jnp.stack([y, y], axis=-1)).sum()
+
+    found = jax.jit(jax.value_and_grad(value))(jnp.float32(scale))
+    assert np.isfinite(found).all()
+
+
+def test_edges_without_lines_are_named():
+    def value(theta, chosen):
+        return scene_of("shadow", theta, chosen)(jnp.full((1, 4), 0.3)).sum()
+
+    for chosen, edges in (("x", "shadows"), ("light_u", "what the camera sees")):
+        with pytest.raises(ValueError, match=rf"center \(by {edges}, which no line covers\) moves an edge"):
+            jax.grad(value)(jnp.asarray(THETA), chosen)
+
+
+def test_wrong_lines_are_refused():
+    world, camera = tracing.world([tracing.sphere([0, 0, 0], 1.0)]), tracing.camera([0, 0, 5], [0, 0, 0])
+    for wrong, error in (
+        ("y", ValueError),
+        (3, TypeError),
+        (["x", "x"], ValueError),
+        ("light_u", ValueError),
+    ):
+        with pytest.raises(error, match=r"^lines must"):
+            tracing.direct_light(world, camera, lines=wrong)
+    with pytest.raises(ValueError, match=r"^scene must have no lines"):
+        tracing.analytic_visibility(tracing.direct_light(world, camera, lines="x"))
+
+
+def test_checkpoints_of_lines_and_of_points_differ(tmp_path):
+    sampler = samplers.full_screen(sequences.sobol(2), 4, 3)
+
+    def image(chosen):
+        return render(scene_of("ball", THETA, chosen), sampler, 4, 3, 4, checkpoint=tmp_path / "image")
+
+    image("x")
+    with pytest.raises(ValueError, match="checkpoint"):
+        image(())

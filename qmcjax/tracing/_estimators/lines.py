@@ -37,10 +37,10 @@ from qmcjax.tracing._shapes.vectors import (
 from qmcjax.tracing._world.lights import Environment, RectangleLight, Sample
 from qmcjax.tracing._world.world import Sight, World
 from qmcjax.tracing.search.intersection import UNKNOWN
-from qmcjax.tracing.search.program import map_tiles
+from qmcjax.tracing.search.program import tile_size
 
-TILE = 128
-"""Lines that are shaded together: all take as many steps as the one with the most intervals."""
+TILE = 1024
+"""Parts that are shaded together."""
 
 Shade = Callable[[Any, Array, Array, Array], Vector]
 """From other arguments of lines, t, numbers of primitives and whether they are wanted, to values."""
@@ -54,43 +54,45 @@ def integrate_parts(
 ) -> tuple[Vector, Array]:
     """Return the integrals of values over the parts of lines, and the length in which nothing is seen.
 
-    Where parts do not fit, the rest of a line is one more part, in which visibility is sampled.
+    Where parts do not fit, the rest of a line is one more part, in which visibility is sampled. Most lines
+    have one part: the parts in use are listed, and shaded a tile at a time.
     """
     shapes = bare(world)
     *slots, until = found
     rest = jnp.where(until < 1, UNKNOWN, -1).astype(jnp.int32)
-    slots = [
-        [*list(a), last]
-        for a, last in zip(slots, (until, jnp.ones_like(until), rest, rest, rest), strict=True)
-    ]
+    last = until, jnp.ones_like(until), rest, rest, rest
+    flat = tuple(jnp.concatenate([*a, end]) for a, end in zip(slots, last, strict=True))
+    used, lines = flat[3] != -1, offset.shape[0]
+    place = jnp.cumsum(used, dtype=jnp.int32) - 1
+    size = tile_size(lines, TILE)
+    tiles = -(-used.size // size)
+    order = jnp.zeros(tiles * size, jnp.int32)
+    order = order.at[jnp.where(used, place, order.size)].set(
+        jnp.arange(used.size, dtype=jnp.int32), mode="drop"
+    )
 
-    def tile(given: Any) -> list[Array]:
-        fan, slots, offset, others = given
+    def tile(listed: Array) -> tuple[Vector, Array]:
+        (start, end, before, number, after), line = (a[listed] for a in flat), listed % lines
+        mine, u, others = jax.tree.map(lambda a: a[line], (fan, offset, given))
+        ends = jnp.stack([start, end])
+        moved = attach(shapes, mine, ends, jnp.stack([before, number]), jnp.stack([number, after]))
+        first, last = jnp.where(number == UNKNOWN, ends, moved)
+        length = jnp.where(number == -1, 0, last - first)
+        lit = length > 0
+        value = shade(others, first + u * (last - first), number, lit)
+        return each(lambda v: jnp.where(lit, length * v, 0), value), length
 
-        def turn(total: tuple[Vector, Array], slot: Any) -> tuple[tuple[Vector, Array], None]:
-            start, end, before, number, after = slot
-            used = number != -1
+    def turn(first: Array, listed: Array) -> tuple[Array, tuple[Vector, Array]]:
+        zero = jnp.zeros(size, offset.dtype)
+        none = (zero, zero, zero), zero
+        return first + size, jax.lax.cond(first <= place[-1], lambda: tile(listed), lambda: none)
 
-            def integral() -> tuple[Vector, Array]:
-                ends = jnp.stack([start, end])
-                moved = attach(shapes, fan, ends, jnp.stack([before, number]), jnp.stack([number, after]))
-                first, last = jnp.where(number == UNKNOWN, ends, moved)
-                length = jnp.where(used, last - first, 0)
-                lit = used & (length > 0)
-                value = shade(others, first + offset * (last - first), number, lit)
-                return each(lambda v: jnp.where(lit, length * v, 0), value), length
+    _, (value, length) = jax.lax.scan(turn, jnp.int32(0), order.reshape(tiles, size))
 
-            zero = jnp.zeros_like(start)
-            added, length = jax.lax.cond(jnp.any(used), integral, lambda: ((zero, zero, zero), zero))
-            return (each(jnp.add, total[0], added), total[1] + length), None
+    def of_lines(a: Array) -> Array:
+        return jnp.where(used, a.reshape(-1)[place], 0).reshape(-1, lines).sum(axis=0)
 
-        zero = jnp.zeros_like(offset)
-        slots = tuple(jnp.stack(slot) for slot in slots)
-        (value, length), _ = jax.lax.scan(turn, ((zero, zero, zero), zero), slots)
-        return [*value, 1 - length]
-
-    *value, empty = map_tiles(tile, (fan, slots, offset, given), TILE)
-    return (value[0], value[1], value[2]), empty
+    return each(of_lines, value), 1 - of_lines(length)
 
 
 def along_the_screen(

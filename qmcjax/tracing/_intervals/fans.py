@@ -135,6 +135,15 @@ def outline(shape: Shape, number: Any, fan: Fan) -> Outline:
     return Outline(edges, [Layer(_raised(flat.num), _raised(flat.den), zero, 1, present)])
 
 
+def may_hit(shape: Shape, number: Any, fan: Fan) -> Array:
+    """Return False where edges show that rays of a fan miss a primitive."""
+    if isinstance(shape, Sphere | Cylinder):
+        return _round(shape, number, fan).edges[:, 0].max(axis=0) > 0
+    edges = _flat(shape, number, fan).edges
+    least, most = edges.min(axis=0), edges.max(axis=0)
+    return ~((least > 0).any(axis=0) & (most < 0).any(axis=0))
+
+
 def value(a: Array, t: Array) -> Array:
     """Return quadratics (3, ..., n) at t, (n,) or as many."""
     zero, one, two = a

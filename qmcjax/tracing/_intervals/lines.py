@@ -11,18 +11,21 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.tracing._intervals.candidates import Batch, RayState, background, insert_spans, over_rows
-from qmcjax.tracing._intervals.fans import KINDS, Fan, find_spans, outline, value
+from qmcjax.tracing._intervals.fans import KINDS, Fan, find_spans, may_hit, outline, value
 from qmcjax.tracing._intervals.resolution import resolve
 from qmcjax.tracing._shapes.object import Object, Shape, rounding, row
-from qmcjax.tracing._shapes.primitives import Box, Rectangle
+from qmcjax.tracing._shapes.primitives import Box, Plane, Rectangle
 from qmcjax.tracing._shapes.triangles import Triangles
-from qmcjax.tracing._shapes.vectors import each, largest
+from qmcjax.tracing._shapes.vectors import along, dot, each, largest, length, minus, unit
 from qmcjax.tracing._world.world import World, merge_kinds
-from qmcjax.tracing.search.intersection import EACH, frames, select_rows
+from qmcjax.tracing.search.intersection import EACH, frames, search, select_rows
 from qmcjax.tracing.search.program import boxes_of, map_tiles
 
 TILE = 32
-"""Fans tested together."""
+"""Fans whose candidates are listed together."""
+
+WIDE_TILE = 256
+"""Fans tested together for candidates, and resolved together."""
 
 
 def opened(world: World) -> World:
@@ -84,7 +87,7 @@ def find_visible(world: World, fan: Fan, count: int) -> Parts:
         after = jnp.concatenate([jnp.where(touches, number[1:], -1), none])
         return Parts(start, end, before, number, after, found.until)
 
-    return _find(world, fan, count, parts)
+    return _find(world, fan, count, parts, False)
 
 
 def find_clear(world: World, fan: Fan, count: int) -> Parts:
@@ -109,49 +112,148 @@ def find_clear(world: World, fan: Fan, count: int) -> Parts:
         after = jnp.where(end < until, after, -1)
         return Parts(start, jnp.maximum(start, end), before, number, after, state.until)
 
-    return _find(world, fan, count, parts)
+    return _find(world, fan, count, parts, True)
 
 
-def _find(world: World, fan: Fan, count: int, parts: Callable[[RayState], Parts]) -> Parts:
+def _find(world: World, fan: Fan, count: int, parts: Callable[[RayState], Parts], clear: bool) -> Parts:
+    """Return the parts of lines; where one primitive hides all others, without a list of candidates."""
     world, fan = jax.lax.stop_gradient((world, fan))
     groups = _groups(world)
     placed = [None if item is None else item.frame(fan.time) for item, _ in groups]
+    direction = fan.direction(jnp.full_like(fan.time, 0.5))
+    start, size = along(fan.apex, fan.begin, direction), length(direction)
+    _, number = search(world, start, unit(direction), fan.time, fan.limit * size, clear)
+    covers, bound = _covering(world, fan, number)
+    bound = jnp.where(covers, jnp.minimum(bound, fan.limit), fan.limit)
 
-    def tile(given: Any) -> tuple[list[Array], ...]:
-        fan, placed = given
-        zero = jnp.zeros((), fan.time.dtype)
-        nothing = jnp.full(fan.time.shape, -1, jnp.int32)
-        state = background(nothing, fan.limit, count, zero, zero + 1)
+    def tested(given: Any) -> Array:
+        (fan, placed), number, bound = given
+        some = jnp.zeros_like(number, bool)
         for frame, (_, batches) in zip(placed, groups, strict=True):
             for batch in batches:
-                state = _collect(state, batch, fan.inside(frame))
-        found = parts(state)
-        return *map(list, found[:-1]), [found.until]
+                some = _others(some, batch, fan.inside(frame), number, bound)
+        return some
 
-    *found, until = map_tiles(tile, (fan, placed), TILE)
-    start, end, before, number, after = map(jnp.stack, found)
-    return Parts(start, end, before, number, after, until[0])
+    some = map_tiles(tested, ((fan, placed), number, bound), WIDE_TILE)
+    known = jnp.where(number < 0, ~some, covers if clear else covers & ~some)
+    seen = jnp.where(number < 0, CLEAR, -1) if clear else number
+    order = jnp.argsort(known, stable=True)
+    back = jnp.zeros_like(order).at[order].set(jnp.arange(order.size, dtype=order.dtype))
+    zero = jnp.zeros((), fan.time.dtype)
+
+    def collected(given: Any) -> RayState:
+        (fan, placed), known, bound = given
+
+        def all_batches() -> RayState:
+            state = background(jnp.full_like(number, -1, shape=bound.shape), bound, count, zero, zero + 1)
+            for frame, (_, batches) in zip(placed, groups, strict=True):
+                for batch in batches:
+                    state = _collect(state, batch, fan.inside(frame))
+            return state
+
+        none = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), jax.eval_shape(all_batches))
+        return jax.lax.cond(jnp.all(known), lambda: none, all_batches)._replace(opened=(), closed=())
+
+    def resolved(given: Any) -> Parts:
+        state, known, seen = given
+        state = state._replace(opened=zero, closed=zero + 1)
+        like = jax.eval_shape(parts, state)
+        none = jnp.full(like.number.shape, -1, jnp.int32)
+        ends = jnp.zeros(like.start.shape, zero.dtype)
+        whole = Parts(
+            ends,
+            ends.at[0].set(jnp.where(seen == -1, 0, zero + 1)),
+            none,
+            none.at[0].set(seen),
+            none,
+            0 * ends[0] + 1,
+        )
+
+        def either(one: Array, other: Array) -> Array:
+            return jnp.where(jnp.broadcast_to(known, one.shape), one, other)
+
+        return jax.lax.cond(
+            jnp.all(known),
+            lambda: whole,
+            lambda: jax.tree.map(either, whole, parts(state)),
+        )
+
+    given = jax.tree.map(lambda a: a[order], ((fan, placed), known, bound))
+    state = map_tiles(collected, given, TILE)
+    found = map_tiles(resolved, (state, known[order], seen[order]), WIDE_TILE)
+    return jax.tree.map(lambda a: a[..., back], found)
+
+
+def _covering(world: World, fan: Fan, number: Array) -> tuple[Array, Array]:
+    """Return whether all rays of lines hit primitives, with no edge in sight, and how far at most."""
+    fan = fan.inside(frames(world, number, fan.time))
+    half = jnp.full_like(fan.time, 0.5)
+    covers, bound = jnp.zeros_like(half, bool), jnp.full_like(half, jnp.inf)
+    for here, of_kind in select_rows(world.batches(), number):
+        edges, layers = outline(of_kind, EACH, fan)
+        least, most = edges.min(axis=0), edges.max(axis=0)
+        one_sign = ((least > 0) | (most < 0) | ((least == 0) & (most == 0))).all(axis=0)
+        for layer in layers:
+            sign = jnp.sign(value(layer.den, half))[None]
+            den, num = (sign * a for a in (layer.den, layer.num))
+            smallest = den.min(axis=0)
+            root = layer.squared.max(axis=0) if layer.side > 0 else layer.squared.min(axis=0)
+            high = num.max(axis=0) + layer.side * jnp.sqrt(jnp.maximum(root, 0))
+            sure = here & one_sign & layer.present(half) & (smallest > 1e-3 * den.max(axis=0))
+            bound = jnp.where(sure, jnp.minimum(bound, high / jnp.where(sure, smallest, 1)), bound)
+            covers = covers | sure
+    return covers, bound * (1 + 64 * jnp.finfo(half.dtype).eps)
+
+
+def _others(some: Array, batch: Batch, fan: Fan, number: Array, bound: Array) -> Array:
+    """Return whether lines may hit other primitives up to a distance; found so far, or of a batch."""
+    near = _tests(batch, fan)
+
+    def visit(row: Any, some: Array) -> Array:
+        return some | (near(row, bound) & (batch.numbers[row] != number))
+
+    return over_rows(batch, fan, lambda _: bound, visit, some)
 
 
 def _collect(state: RayState, batch: Batch, fan: Fan) -> RayState:
     """Add the spans of primitives: shapes that may be seen before the farthest known surface."""
-    low, high = batch.rows.extent()
-    wider = rounding(largest(fan.apex))
-
-    def near(number: Any, state: RayState) -> Array:
-        below, above = row(low, number), row(high, number)
-        slack = wider + rounding(jnp.where(jnp.isfinite(below[0]), largest(below) + largest(above), 0))
-        below = each(lambda a, o: a - o - slack, below, fan.apex)
-        above = each(lambda a, o: a - o + slack, above, fan.apex)
-        return jnp.any(fan.meets(below, above, state.bound.max(axis=0)))
+    near = _tests(batch, fan)
 
     def visit(number: Any, state: RayState) -> RayState:
         def insert() -> RayState:
             return insert_spans(state, find_spans(batch.rows, number, fan), batch.numbers[number])
 
-        return jax.lax.cond(near(number, state), insert, lambda: state)
+        return jax.lax.cond(jnp.any(near(number, state.bound.max(axis=0))), insert, lambda: state)
 
     return over_rows(batch, fan, lambda state: state.bound.max(axis=0), visit, state)
+
+
+def _tests(batch: Batch, fan: Fan) -> Callable[[Any, Array], Array]:
+    """Return a function that says whether lines may hit a primitive up to a distance."""
+    wider = rounding(largest(fan.apex))
+    if isinstance(batch.rows, Plane):
+        planes = batch.rows
+
+        def crosses(number: Any, limit: Array) -> Array:
+            normal, point = unit(row(planes.axis, number)), row(planes.point, number)
+            height, slack = dot(normal, minus(point, fan.apex)), wider + rounding(largest(point))
+            reach = jnp.maximum(*(jnp.sign(height) * dot(normal, d) for d in (fan.first, fan.last)))
+            return (fan.begin < 0) | ((reach > 0) & (abs(height) - slack <= limit * reach))
+
+        return crosses
+    low, high = batch.rows.extent()
+
+    def meets(number: Any, limit: Array) -> Array:
+        below, above = row(low, number), row(high, number)
+        slack = wider + rounding(largest(below) + largest(above))
+        below = each(lambda a, o: a - o - slack, below, fan.apex)
+        above = each(lambda a, o: a - o + slack, above, fan.apex)
+        inside = fan.meets(below, above, limit)
+        return jax.lax.cond(
+            jnp.any(inside), lambda: inside & may_hit(batch.rows, number, fan), lambda: inside
+        )
+
+    return meets
 
 
 def _groups(world: World) -> list[tuple[Object | None, list[Batch]]]:

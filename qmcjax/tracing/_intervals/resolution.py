@@ -99,10 +99,11 @@ def _advance(spans: Candidates, closed: Array, march: _March) -> _March:
     nearest = jnp.argmin(jnp.where(there, depth.high, jnp.inf), axis=0).astype(jnp.int32)
     mine = place == nearest[None]
     high = jnp.where(there, depth.high, jnp.inf).min(axis=0)
-    others = jnp.where(there & ~mine, depth.low, jnp.inf).min(axis=0)
+    number = jnp.where(there & mine, spans.number, -1).max(axis=0)
+    # Which side of a primitive is nearer does not matter.
+    others = jnp.where(there & (spans.number != number[None]), depth.low, jnp.inf).min(axis=0)
     least = jnp.where(there, depth.low, jnp.inf).min(axis=0)
     known = (high <= others) & (least > 0)
-    number = jnp.where(there & mine, spans.number, -1).max(axis=0)
 
     def compared() -> tuple[Array, Array]:
         sure, which = _compare(spans, there, time, end)
@@ -186,9 +187,9 @@ def _compare(spans: Candidates, there: Array, time: Array, end: Array) -> tuple[
     size, my_size = abs(den).max(axis=0), abs(my_den).max(axis=0)
     error = (depth.far + my_far) * (depth.noise * (my_size + my_noise) + my_noise * size)
     farther = (difference.min(axis=0) >= -error) | (my_high <= depth.low)
-    fine = nearest | ~there | behind | farther
+    number = jnp.where(nearest & present, spans.number, -1).max(axis=0)
+    fine = (spans.number == number[None]) | ~there | behind | farther
     sure_of_me = ahead | ~nearest
     some = present.any(axis=0)
     sure = jnp.where(some, (fine & sure_of_me).all(axis=0), (~there | behind).all(axis=0))
-    number = jnp.where(nearest & present, spans.number, -1).max(axis=0)
     return sure, number

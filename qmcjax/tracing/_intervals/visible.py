@@ -265,14 +265,12 @@ def find_intervals(
     distance = jnp.where(good, distance, -jnp.inf)
     origin, direction = keep(good, origin), keep(good, direction)
 
-    def tile(rays: Any) -> tuple[list[Array], list[Array], list[Array], Array]:
+    def tile(rays: Any) -> Intervals:
         origin, direction, number, distance = rays
         view = ShearedRays(origin, direction, *shear_maps(direction))
         state = background(number, distance, count, opened, closed)
         for batch in taken.moving:
             state = collect(state, batch, view)
-        found = resolve(state)
-        return list(found.start), list(found.end), list(found.number), found.until
+        return resolve(state)
 
-    start, end, number, until = map_tiles(tile, (origin, direction, number, distance), TILE)
-    return Intervals(jnp.stack(start), jnp.stack(end), jnp.stack(number), until)
+    return map_tiles(tile, (origin, direction, number, distance), TILE)

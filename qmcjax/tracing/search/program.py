@@ -24,25 +24,34 @@ _FEW_RAYS = 64
 
 
 def map_tiles(function: Callable[[Any], Any], rays: Any, size: int) -> Any:
-    """Apply a function to tiles of rays, arrays of equal length, and concatenate its results.
+    """Apply a function to tiles of rays, the last axis of arrays, and concatenate its results.
 
     Devices other than CPUs do not profit from tiles: they get all rays at once.
     """
-    count = jax.tree.leaves(rays)[0].shape[0]
-    if count <= _FEW_RAYS or not backends.current().caches:
+    count = jax.tree.leaves(rays)[0].shape[-1]
+    size = tile_size(count, size)
+    if size == count:
         return function(rays)
-    # XLA unrolls a loop of one iteration and fuses its inputs into each use, which takes three to four times
-    # as long.
-    size = min(size, -(-count // 2))
     tiles = -(-count // size)
 
     def tiled(a: Any) -> Any:
-        if count == tiles * size:
-            return a.reshape(tiles, size)
-        return jnp.concatenate([a, jnp.broadcast_to(a[-1:], tiles * size - count)]).reshape(tiles, size)
+        more = jnp.broadcast_to(a[..., -1:], (*a.shape[:-1], tiles * size - count))
+        whole = jnp.concatenate([a, more], axis=-1) if more.size else a
+        return jnp.moveaxis(whole.reshape(*a.shape[:-1], tiles, size), -2, 0)
 
-    results = jax.lax.map(function, jax.tree.map(tiled, rays))
-    return jax.tree.map(lambda a: a.reshape(-1)[:count], results)
+    def together(a: Any) -> Any:
+        return jnp.moveaxis(a, 0, -2).reshape(*a.shape[1:-1], tiles * size)[..., :count]
+
+    return jax.tree.map(together, jax.lax.map(function, jax.tree.map(tiled, rays)))
+
+
+def tile_size(count: int, size: int) -> int:
+    """Return the number of rays in a tile, at most ``size``, or all where tiles do not pay off."""
+    if count <= _FEW_RAYS or not backends.current().caches:
+        return count
+    # XLA unrolls a loop of one iteration and fuses its inputs into each use, which takes three to four times
+    # as long.
+    return min(size, -(-count // 2))
 
 
 TREE_TILE = 1024

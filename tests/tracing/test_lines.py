@@ -137,14 +137,28 @@ def objects_of(name, x, y, z):
 def scene_of(name, theta, chosen, **options):
     """Return a scene that moves objects by theta[:3], a light and the camera by theta[3]."""
     x, y, z, w = jnp.asarray(theta)
-    lights = [lamp(w)] if name == "shadow" else []
-    camera = tracing.camera(jnp.stack([0.2 + w, 0.5 + 0 * w, 4.0 + 0 * w]), [0, 0, 0], fov=45.0 + z)
-    return tracing.direct_light(
-        tracing.world(objects_of(name, x, y, z), lights), camera, lines=chosen, **options
-    )
+    lights = [lamp(w)] if name in ("shadow", "paths") else []
+    lens = {"aperture": 0.3 + z, "focus": 2.5 + z} if name == "defocus" else {}
+    position = jnp.stack([0.2 + w, 0.5 + 0 * w, 4.0 + 0 * w])
+    camera = tracing.camera(position, [0, 0, 0], fov=45.0 + z, **lens)
+    objects = {"defocus": "shard through side", "paths": "shadow"}.get(name, name)
+    world = tracing.world(objects_of(objects, x, y, z), lights)
+    if name == "paths":
+        return tracing.path_tracing(world, camera, 1, lines=chosen, **options)
+    return tracing.direct_light(world, camera, lines=chosen, **options)
 
 
-SCENES = {"ball": "x", "shard through side": "x", "pipe and coin": "x", "shadow": ("x", "light_u")}
+def points_of(scene, count):
+    return jnp.asarray(RNG.random((count, len(scene.needs))))
+
+
+SCENES = {
+    "ball": "x",
+    "shard through side": "x",
+    "pipe and coin": "x",
+    "shadow": ("x", "light_u"),
+    "defocus": "lens_u",
+}
 THETA = np.array([0.13, 0.05, 0.02, 0.03])
 
 
@@ -152,7 +166,7 @@ THETA = np.array([0.13, 0.05, 0.02, 0.03])
 @pytest.mark.parametrize("name", SCENES)
 def test_derivatives_are_those_of_finite_differences(name):
     """A line is a continuous function of all parameters: its derivative is that of its own differences."""
-    points = jnp.asarray(RNG.random((60, 4 if name == "shadow" else 2)))
+    points = points_of(scene_of(name, THETA, ()), 60)
     weights = jnp.asarray(RNG.random((60, 1)))
 
     def value(theta):
@@ -167,13 +181,13 @@ def test_derivatives_are_those_of_finite_differences(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [*SCENES, "paths"])
 @pytest.mark.parametrize("intervals", [1, 8])
 def test_means_are_those_of_points(name, intervals):
     """Also where parts do not fit: within 5 sigma."""
     count = 2**14
-    points = jnp.asarray(RNG.random((count, 4 if name == "shadow" else 2)))
-    lined = scene_of(name, THETA, SCENES[name], intervals=intervals).with_columns(5)
+    lined = scene_of(name, THETA, SCENES.get(name, "x"), intervals=intervals).with_columns(5)
+    points = points_of(lined, count)
     one, other = (np.asarray(jax.jit(scene)(points))[:, 0] for scene in (lined, scene_of(name, THETA, ())))
     difference = one - other
     assert abs(difference.mean()) <= 5 * difference.std() / np.sqrt(count)
@@ -199,6 +213,32 @@ def test_screen_area_of_a_ball_and_its_derivative():
 
     found = jax.jit(jax.value_and_grad(mean))(0.8)
     np.testing.assert_allclose(found, (exact(0.8), (exact(0.8001) - exact(0.7999)) / 0.0002), rtol=1e-4)
+
+
+def test_a_lens_in_focus_sees_as_a_pinhole():
+    """What lies in the plane of focus is one point for all rays of a line: it is hit there."""
+    board = tracing.rectangle([-2, -2, 0], [1.7, 0, 0], [0, 4, 0], material=GLOW)
+    world = tracing.world([board, tracing.plane([0, 0, -3], [0, 0, 1], material=DIM)])
+    points = points_of(tracing.direct_light(world, tracing.camera([0, 0, 4], [0, 0, 0], aperture=0.5)), 200)
+    pinhole = tracing.direct_light(world, tracing.camera([0, 0, 4], [0, 0, 0]))
+    lens = tracing.camera([0, 0, 4], [0, 0, 0], aperture=0.5)
+    found = tracing.direct_light(world, lens, lines="lens_u")(points)[:, 0]
+    np.testing.assert_allclose(found, pinhole(points[:, :2])[:, 0], rtol=1e-12)
+
+
+def test_chords_are_uniform_on_the_lens():
+    """The area below a chord is that of a segment of the circle; both ends are on the circle."""
+    camera = tracing.camera([0, 0, 0], [0, 0, -1], aperture=2.0, focus=3.0)
+    v = jnp.concatenate([jnp.linspace(0, 1, 1001), jnp.array([1e-12, 1e-4, 0.5 - 1e-9])])
+    middle = jnp.full_like(v, 0.5)
+    first, last, focus = camera.chord(middle, middle, middle, v)
+    height = first[1] / 2
+    np.testing.assert_allclose(
+        0.5 + (height * np.sqrt(1 - height**2) + np.arcsin(height)) / np.pi, v, atol=1e-13
+    )
+    np.testing.assert_allclose(jnp.hypot(first[0], first[1]), 2, rtol=1e-14)
+    np.testing.assert_array_equal(jnp.stack(last), jnp.stack([-first[0], *first[1:]]))
+    np.testing.assert_allclose(jnp.stack(focus), jnp.stack([0 * v, 0 * v, 0 * v - 3]), atol=1e-13)
 
 
 def test_render_tells_the_width():
@@ -234,12 +274,17 @@ def test_degenerate_figures_have_finite_derivatives(scale):
 
 
 def test_edges_without_lines_are_named():
-    def value(theta, chosen):
-        return scene_of("shadow", theta, chosen)(jnp.full((1, 4), 0.3)).sum()
+    def value(theta, name, chosen):
+        scene = scene_of(name, theta, chosen)
+        return scene(jnp.full((1, len(scene.needs)), 0.3)).sum()
 
-    for chosen, edges in (("x", "shadows"), ("light_u", "what the camera sees")):
+    for of, chosen, edges in (
+        ("shadow", "x", "shadows"),
+        ("shadow", "light_u", "what the camera sees"),
+        ("paths", "x", "what later parts of paths see"),
+    ):
         with pytest.raises(ValueError, match=rf"center \(by {edges}, which no line covers\) moves an edge"):
-            jax.grad(value)(jnp.asarray(THETA), chosen)
+            jax.grad(value)(jnp.asarray(THETA), of, chosen)
 
 
 def test_wrong_lines_are_refused():
@@ -249,9 +294,14 @@ def test_wrong_lines_are_refused():
         (3, TypeError),
         (["x", "x"], ValueError),
         ("light_u", ValueError),
+        ("lens_u", ValueError),
     ):
         with pytest.raises(error, match=r"^lines must"):
             tracing.direct_light(world, camera, lines=wrong)
+    lens, blades = (tracing.camera([0, 0, 5], [0, 0, 0], aperture=0.1, blades=n) for n in (None, 5))
+    for of, wrong in ((lens, ("x", "lens_u")), (blades, "lens_u")):
+        with pytest.raises(ValueError, match=r"^lines must have 'lens_u' only"):
+            tracing.path_tracing(world, of, 1, lines=wrong)
     with pytest.raises(ValueError, match=r"^scene must have no lines"):
         tracing.analytic_visibility(tracing.direct_light(world, camera, lines="x"))
 

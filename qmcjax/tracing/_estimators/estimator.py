@@ -14,7 +14,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.parameters import floats, moves_an_edge, together
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.lines import along_the_screen, reflect_along_lights
+from qmcjax.tracing._estimators.lines import along_the_camera, reflect_along_lights
 from qmcjax.tracing._estimators.varies import Seen, find_seen
 from qmcjax.tracing._intervals.lines import opened
 from qmcjax.tracing._light.interaction import (
@@ -82,9 +82,9 @@ class Estimator(ABC):
         time = camera.times(coordinates.get("time", jnp.zeros_like(x)))
         if camera.still or "time" not in coordinates:
             world = freeze(world, camera, x)
+        if "x" in self.lines or "lens_u" in self.lines:
+            return stacked(along_the_camera(self, world, camera, coordinates, time))
         lens = tuple(coordinates[name] for name in camera.lens)
-        if "x" in self.lines:
-            return stacked(along_the_screen(self, world, camera, coordinates, time, lens))
         sight = camera.rays(x, coordinates["y"], time, lens)
         return stacked(self.radiance(world, sight, coordinates))
 
@@ -133,7 +133,9 @@ class Estimator(ABC):
 
     def without_lines(self) -> str:
         """Return a name of edges whose motion samples miss; empty if lines cover all."""
-        return "what the camera sees"
+        if "x" not in self.lines and "lens_u" not in self.lines:
+            return "what the camera sees"
+        return "textures" if any(is_textured(item.material) for item in self.world.objects) else ""
 
     @abstractmethod
     def moves(self, found: Seen) -> Array:
@@ -207,10 +209,9 @@ class DirectLight(Estimator):
 
     def without_lines(self) -> str:
         objects, lights = self.world.objects, self.world.lights
-        if "x" not in self.lines:
-            return super().without_lines()
-        if any(is_textured(item.material) for item in objects):
-            return "textures"
+        first = super().without_lines()
+        if first:
+            return first
         if self.mirrors and any(kind.mirror is not None for kind in surface_kinds(*objects)):
             return "reflections in mirrors"
         along = "light_u" in self.lines
@@ -288,12 +289,14 @@ def direct_light(
         lights, textures and mirrors, both where all lights are rectangles; what is missing is named.
     lines : str or sequence of str, optional
         Coordinates that a sample integrates over, along a line on which visibility is exact [1]_: ``x``,
-        across the pixel, and ``light_u``, along a `rectangle_light`. Means stay, with less variance. Each
-        part of a line in which one primitive is seen, or in which nothing hides the light, is shaded once, at
-        the coordinate's fraction of its length. The ends of parts move with what they depend on: derivatives
-        include those of silhouettes by ``x``, and of shadows of rectangle lights by ``light_u``.
-        Meant for worlds of few primitives: a line takes about three times as long as a point for three of
-        them, 13 times for `scenes.defocus`, 31 for `scenes.sports` and 46 for `scenes.occluder`.
+        across the pixel; or ``lens_u``, along a chord of a round lens; and ``light_u``, along a
+        `rectangle_light`. Means stay, with less variance. Each part of a line in which one primitive is seen,
+        or in which nothing hides the light, is shaded once, at the coordinate's fraction of its length. The
+        ends of parts move with what they depend on: derivatives include those of silhouettes by ``x``, and of
+        shadows of rectangle lights by ``light_u``. By ``lens_u`` they include silhouettes out of focus: of an
+        edge in the plane of focus, all rays of a line see the same side, and its motion is missed.
+        A line takes 10 to 20 times as long as a point in small worlds (`scenes.defocus` 10, `scenes.occluder`
+        20, 128 x 128 pixels).
     intervals : int, optional
         Maximum number of parts of a line, in [1, 256]; the rest of a line is sampled in one point.
 
@@ -319,20 +322,25 @@ def direct_light(
     """
     validate_parts(world, camera, smooth)
     mirrors = checks.integer("mirrors", mirrors, 0, 64)
-    lines = _lines(world, lines)
+    lines = checked_lines(world, camera, lines, ("x", "lens_u", "light_u"))
     intervals = checks.integer("intervals", intervals, 1, 256)
     return DirectLight(world, camera, mirrors, smooth, lines, intervals, 1)
 
 
-def _lines(world: World, lines: Any) -> tuple[str, ...]:
+def checked_lines(world: World, camera: Camera, lines: Any, known: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of coordinates whose lines are integrated over."""
     names = (lines,) if isinstance(lines, str) else lines
+    wanted = ", ".join(map(repr, known))
     if not isinstance(names, tuple | list) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"lines must be names of coordinates, 'x' or 'light_u', got {checks.shown(lines)}")
-    if len(set(names)) < len(names) or not set(names) <= {"x", "light_u"}:
-        raise ValueError(f"lines must be 'x', 'light_u' or both, got {checks.shown(lines)}")
+        raise TypeError(f"lines must be names of coordinates, of {wanted}, got {checks.shown(lines)}")
+    if len(set(names)) < len(names) or not set(names) <= set(known):
+        raise ValueError(f"lines must be some of {wanted}, got {checks.shown(lines)}")
     if "light_u" in names and not any(isinstance(light, RectangleLight) for light in world.lights):
         raise ValueError("lines must not have 'light_u' in a world without a rectangle_light")
+    if "lens_u" in names and ("x" in names or camera.aperture is None or camera.blades is not None):
+        raise ValueError(
+            f"lines must have 'lens_u' only without 'x' and of a round lens, got {checks.shown(lines)}"
+        )
     if names:
         opened(world)
     return tuple(names)

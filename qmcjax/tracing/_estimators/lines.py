@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from qmcjax.tracing._intervals.fans import Fan, eye
+from qmcjax.tracing._intervals.fans import Fan, eye, lens_fan
 from qmcjax.tracing._intervals.lines import Parts, attach, bare, find_clear, find_visible, opened
 from qmcjax.tracing._light.interaction import (
     Choice,
@@ -95,25 +95,34 @@ def integrate_parts(
     return each(of_lines, value), 1 - of_lines(length)
 
 
-def along_the_screen(
-    estimator: Any, world: World, camera: Any, coordinates: dict[str, Array], time: Array, lens: Any
+def along_the_camera(
+    estimator: Any, world: World, camera: Any, coordinates: dict[str, Array], time: Array
 ) -> Vector:
-    """Return the mean radiance across the pixels of points, components (n,)."""
+    """Return the mean radiance across the pixels of points, or along chords of the lens, components (n,)."""
     world = opened(world)
-    columns, scaled = estimator.columns, coordinates["x"] * estimator.columns
-    column = jnp.clip(jnp.floor(scaled), 0, columns - 1)
+    x, y = coordinates["x"], coordinates["y"]
+    others = dict(coordinates)
+    if "x" in estimator.lines:
+        lens = tuple(others.pop(name) for name in camera.lens)
+        columns, offset = estimator.columns, x * estimator.columns
+        column = jnp.clip(jnp.floor(offset), 0, columns - 1)
+        offset = offset - column
+        origin, first, _ = camera.sights(column / columns, y, time, lens)
+        _, last, _ = camera.sights((column + 1) / columns, y, time, lens)
+        fan = eye(origin, first, last, time)
+    else:
+        offset = others.pop("lens_u")
+        first, last, focus = camera.chord(x, y, time, others.pop("lens_v"))
+        fan = lens_fan(first, last, focus, time)
     # A ray at the very end of a part may miss what is seen there.
-    least = jnp.sqrt(jnp.finfo(scaled.dtype).eps) / 16
-    offset = jnp.clip(scaled - column, least, 1 - least)
-    y = coordinates["y"]
-    origin, first, _ = camera.sights(column / columns, y, time, lens)
-    _, last, _ = camera.sights((column + 1) / columns, y, time, lens)
-    fan = eye(origin, first, last, time)
-    others = {name: a for name, a in coordinates.items() if name not in ("x", "y")}
+    least = jnp.sqrt(jnp.finfo(x.dtype).eps) / 16
+    offset = jnp.clip(offset, least, 1 - least)
 
     def shade(given: Any, t: Array, number: Array, lit: Array) -> Vector:
         fan, others = given
-        sight = Sight(fan.apex, keep(lit, unit(fan.direction(t))), fan.time, number)
+        direction = fan.direction(t)
+        start = along(fan.apex, fan.begin, direction)
+        sight = Sight(start, keep(lit, unit(direction)), fan.time, number)
         return estimator.radiance(world, sight, others)
 
     found = find_visible(world, fan, estimator.intervals)

@@ -1,7 +1,7 @@
 """Path tracing."""
 
 from dataclasses import field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,13 +10,14 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, validate_parts
+from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, checked_lines, validate_parts
 from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.interaction import Choice, any_of, emission, interact
 from qmcjax.tracing._light.scattering import Turn, bounce_needs, reflect_lights, scatter
 from qmcjax.tracing._shapes.vectors import Vector, each, keep, plus
 from qmcjax.tracing._world.lights import Sample
 from qmcjax.tracing._world.world import Camera, Sight, World
+from qmcjax.tracing.search.intersection import UNKNOWN
 
 
 class Draws(NamedTuple):
@@ -58,6 +59,8 @@ class _Path(NamedTuple):
     origin: Vector
     direction: Vector
     """Unit vectors; zero where paths have ended."""
+    number: Array | None
+    """int32: the primitives that are hit, UNKNOWN if they have to be searched; None if all have to."""
     normal: Vector
     """Normal of the surface that the path comes from."""
     density: Array
@@ -75,14 +78,21 @@ class PathTracing(Scattering):
     bounces: int = field(metadata={"static": True})
     roulette: int | None = field(metadata={"static": True})
     smooth: bool = field(metadata={"static": True})
+    lines: tuple[str, ...] = field(metadata={"static": True, "keeps_mean": True})
+    intervals: int = field(metadata={"static": True, "keeps_mean": True})
+    columns: int = field(metadata={"static": True, "keeps_mean": True})
 
     def light_needs(self) -> tuple[str, ...]:
         return bounce_needs(self.world, self.bounces, self.roulette)
 
+    def without_lines(self) -> str:
+        later = "" if self.bounces == 0 and not self.world.lights else "what later parts of paths see"
+        return super().without_lines() or later
+
     def radiance(self, world: World, sight: Sight, coordinates: Coordinates) -> Vector:
         one, zero = jnp.ones_like(sight.time), jnp.zeros_like(sight.time)
         black, white = (zero, zero, zero), (one, one, one)
-        start = _Path(sight.origin, sight.direction, black, one * np.inf, white, black)
+        start = _Path(sight.origin, sight.direction, sight.number, black, one * np.inf, white, black)
         # All paths survive before roulette begins.
         draws = self.draws(coordinates, None if (self.roulette or np.inf) > self.bounces else -one)
 
@@ -94,7 +104,7 @@ class PathTracing(Scattering):
 
 def _step(world: World, time: Array, path: _Path, draw: Draws, last: Array) -> _Path:
     """Follow paths to the next surface, add the light there, and scatter them."""
-    at = interact(world, path.origin, path.direction, time)
+    at = interact(world, path.origin, path.direction, time, path.number)
     emitted, density = emission(world, at, path.origin, path.normal)
     weight = _weight(path.density, density)
     radiance = each(lambda r, t, e: r + t * e * weight, path.radiance, path.throughput, emitted)
@@ -114,7 +124,8 @@ def _step(world: World, time: Array, path: _Path, draw: Draws, last: Array) -> _
         throughput = each(lambda t: t / jnp.where(survival > 0, survival, 1), throughput)
     direction, throughput = keep(goes_on, direction), keep(goes_on, throughput)
     density = jnp.where(goes_on, density, 1)
-    return _Path(at.hit.point, direction, at.normal, density, throughput, radiance)
+    number = None if path.number is None else jnp.full_like(path.number, UNKNOWN)
+    return _Path(at.hit.point, direction, number, at.normal, density, throughput, radiance)
 
 
 def _weight(density: Array, other: Array) -> Array:
@@ -124,7 +135,14 @@ def _weight(density: Array, other: Array) -> Array:
 
 
 def path_tracing(
-    world: World, camera: Camera, bounces: int, *, roulette: int | None = None, smooth: bool = False
+    world: World,
+    camera: Camera,
+    bounces: int,
+    *,
+    roulette: int | None = None,
+    smooth: bool = False,
+    lines: Any = (),
+    intervals: int = 8,
 ) -> PathTracing:
     """Make a scene of a world with light scattered from surface to surface.
 
@@ -145,6 +163,12 @@ def path_tracing(
         (Russian roulette), with one coordinate per bounce. None by default.
     smooth : bool, optional
         See :func:`direct_light`. Edges of lights and emitters, as seen from surfaces that scatter, count too.
+    lines : str or sequence of str, optional
+        ``x`` or ``lens_u``, see :func:`direct_light`: what the camera sees first is integrated along a line,
+        and one path starts in each of its parts. Edges that later parts of paths see are not covered: with
+        ``smooth=True`` derivatives have those of the first surfaces, and lack those of shadows and bounces.
+    intervals : int, optional
+        See :func:`direct_light`.
 
     Returns
     -------
@@ -172,4 +196,6 @@ def path_tracing(
     bounces = checks.integer("bounces", bounces, 0, 64)
     if roulette is not None:
         roulette = checks.integer("roulette", roulette, 1, 64)
-    return PathTracing(world, camera, bounces, roulette, smooth)
+    lines = checked_lines(world, camera, lines, ("x", "lens_u"))
+    intervals = checks.integer("intervals", intervals, 1, 256)
+    return PathTracing(world, camera, bounces, roulette, smooth, lines, intervals, 1)

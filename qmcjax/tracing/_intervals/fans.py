@@ -47,7 +47,7 @@ class Fan(NamedTuple):
     """0 where rays start at the apex, -1 where they meet there at distance 1."""
     time: Array
     slack: Array
-    """Units of rounding of the apex: a primitive that contains it is not hit there."""
+    """Units of rounding of the apex: a primitive that contains it is not hit there, if rays start there."""
     limit: Array
     """Rays end at this distance, in units of the direction."""
 
@@ -207,8 +207,9 @@ def _flat(shape: Shape, number: Any, fan: Fan) -> _Flat:
         out = [minus(times(height, d), times(slope, point)) for d, slope in zip(ends, den, strict=True)]
         rim = _less(_mixed(*den), _squares(*out), jnp.broadcast_to(shape.radius[number], height.shape))
     size = jnp.broadcast_to(length(normal), height.shape)
-    # The apex itself is not hit: without height all edges vanish.
-    off = (abs(height) > (fan.slack + rounding(reach)) * size).astype(height.dtype)
+    # An apex where rays start is not hit: without height all edges vanish.
+    off = (abs(height) > (fan.slack + rounding(reach)) * size) | (fan.begin < 0)
+    off = off.astype(height.dtype)
     num = [height - fan.begin * slope for slope in den]
     noise = (4 * jnp.finfo(height.dtype).eps) * size * jnp.maximum(*map(length, ends))
     ends_there = jnp.isfinite(fan.limit)
@@ -398,3 +399,9 @@ def eye(origin: Vector, first: Vector, last: Vector, time: Array, limit: Any = j
     slack = SLACK * jnp.finfo(time.dtype).eps * largest(origin)
     limit = jnp.broadcast_to(jnp.asarray(limit, time.dtype), time.shape)
     return Fan(origin, first, last, jnp.zeros_like(time), time, slack, limit)
+
+
+def lens_fan(first: Vector, last: Vector, focus: Vector, time: Array) -> Fan:
+    """Return the fan of rays from points of a line that meet in a point in focus, and go on."""
+    fan = eye(focus, minus(focus, first), minus(focus, last), time)
+    return fan._replace(begin=fan.begin - 1)

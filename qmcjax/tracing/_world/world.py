@@ -210,19 +210,37 @@ class Camera:
         if not isinstance(lens, tuple | list) or len(lens) not in (0, len(self.lens)):
             raise ValueError(f"lens must be {len(self.lens)} coordinates, got {checks.shown(lens)}")
         view = self.view(x, y)
-        origin, seen = each(lambda p: jnp.broadcast_to(p, x.shape), view.origin), view.seen
-        if lens:
-            u, v = (floats("lens", part) for part in lens)
-            aperture = jnp.asarray(self.aperture).astype(x.dtype)
-            a, b = disc(u, v) if self.blades is None else _polygon(u, v, self.blades)
-            moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
-            origin = plus(origin, moved)
-            # All rays through a point in the plane of focus meet there.
-            seen = minus(seen, times(1 / view.focus, moved))
+        if not lens:
+            return *self._moved(view.origin, view.seen, time), time
+        u, v = (floats("lens", part) for part in lens)
+        a, b = disc(u, v) if self.blades is None else _polygon(u, v, self.blades)
+        return *self._through(view, a, b, time), time
+
+    def chord(self, x: Array, y: Array, time: Array, v: Array) -> tuple[Vector, Vector, Vector]:
+        """Return the first and the last point of chords of the lens, and where their rays meet in focus.
+
+        Chords are horizontal: points uniform on them, for v uniform in [0, 1), are uniform on the lens.
+        """
+        view = self.view(x, y)
+        half, height = _chord(v)
+        (first, seen), (last, _) = (self._through(view, a, height, time) for a in (-half, half))
+        return first, last, plus(first, times(view.focus, seen))
+
+    def _through(self, view: View, a: Array, b: Array, time: Array) -> tuple[Vector, Vector]:
+        """Return origins and directions through points of a lens of radius 1."""
+        aperture = jnp.asarray(self.aperture).astype(a.dtype)
+        moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
+        # All rays through a point in the plane of focus meet there.
+        seen = minus(view.seen, times(1 / view.focus, moved))
+        return self._moved(plus(view.origin, moved), seen, time)
+
+    def _moved(self, origin: Vector, seen: Vector, time: Array) -> tuple[Vector, Vector]:
+        """Return origins and directions where the camera is at some times."""
+        origin = each(lambda p: jnp.broadcast_to(p, time.shape), origin)
         frame = Object((), self.motion, None).frame(time)
-        if frame is not None:
-            origin, seen = plus(frame.outside(origin), frame.translation), frame.outside(seen)
-        return origin, seen, time
+        if frame is None:
+            return origin, seen
+        return plus(frame.outside(origin), frame.translation), frame.outside(seen)
 
 
 def camera(
@@ -293,6 +311,22 @@ def camera(
     return Camera(
         place, aim, top, angle, ratio, _shutter(shutter), radius, distance, as_motion(motion), blades
     )
+
+
+def _chord(v: Array) -> tuple[Array, Array]:
+    """Return the half length and the height of the chord of the unit circle with a part v of its area below.
+
+    A chord seen under the angle e from the centre cuts off the area ``(e - sin(e)) / 2``.
+    """
+    area = 2 * np.pi * jnp.minimum(v, 1 - v)
+    s = jnp.cbrt(6 * area)
+    square = s * s
+    e = s * (1 + square * (1 / 60 + square * (1 / 1400 + square / 25200)))
+    for _ in range(3):
+        step = (e - jnp.sin(e) - area) / jnp.where(s > 0.5, 1 - jnp.cos(e), 1)
+        e = jnp.where(s > 0.5, e - step, e)
+    height = jnp.cos(0.5 * e)
+    return jnp.sin(0.5 * e), jnp.where(v < 0.5, -height, height)
 
 
 def _polygon(u: Any, v: Any, sides: int) -> tuple[Array, Array]:

@@ -115,7 +115,6 @@ TITLES = {
     "discrepancy-records": "Searched points have about half of Sobol's star discrepancy, and less in L2",
     "intervals": "Betting intervals held every integral; others are narrower, and miss some",
     "smooth": "For smooth integrands lattices with a tent beat Sobol' points, interlaced nets in 3-D only",
-    "mitsuba-samplers": "Our samplers and Mitsuba's, in Mitsuba 3",
     "playground": "The page renders two samplers side by side, by shaders",
     "speed": "Points and measures are faster than other programs', rays and paths about as fast",
     "hilbert-1": "Of the four curves, none has fewer segments in its worst 3x3 neighbourhood than Hilbert's",
@@ -154,7 +153,7 @@ OUR_SCENE = frozenset(
 TIMED = frozenset(
     """
     thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 thesis-5.4 benchmark designed-samplers
-    mitsuba-samplers speed z-table-1
+    speed z-table-1
     """.split()
 )
 """Figures that measure time: in paper quality nothing runs beside them."""
@@ -235,7 +234,6 @@ LAST = ("thesis-3.3.4", "z-10", "thesis-6.8", "thesis-6.6", "z-12", "z-11")
 """Figures that take longest; by then their scenes are compiled."""
 
 NO_DRAFT = {
-    "mitsuba-samplers": "it has one scene, and needs Mitsuba 3",
     "speed": "its calls are too small to be timed",
     "thesis-3.2.1": "it times one scene, for milliseconds",
     "z-table-1": "it has two counts of fourteen, in milliseconds",

@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 import tables
 
-from figures.ours import mitsuba_samplers
 from qmcjax import orders, samplers, sequences
 from qmcjax.bridges import mitsuba
 from qmcjax.bridges._padding import padding_pair, padding_pixel
@@ -247,12 +246,6 @@ def test_llvm_is_checked_in_a_process_of_its_own(monkeypatch):
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "/nowhere/libLLVM.so")
     with pytest.raises(RuntimeError, match=r"no LLVM is found .* need LLVM 19"):
         mitsuba.check_llvm()
-
-
-def test_the_figure_says_that_it_is_missing(monkeypatch):
-    monkeypatch.setattr(mitsuba_samplers.mitsuba_scenes, "installed", lambda: False)
-    _, numbers, *images = mitsuba_samplers.make("draft", lambda part: None)
-    assert "pip install 'qmcjax[mitsuba]'" in numbers["note"] and not images and not numbers["measured"]
 
 
 def test_without_it_the_extra_is_named(monkeypatch):

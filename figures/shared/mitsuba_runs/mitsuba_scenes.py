@@ -4,7 +4,7 @@ import tempfile
 from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from figures.making import this_machine
 from figures.shared.mitsuba_runs import mitsuba_process
 from qmcjax import tracing
-from qmcjax.bridges import mitsuba
 
 PLANE = 1e3
 """Radius of the disc that stands for a plane."""
@@ -22,23 +21,6 @@ PLANE = 1e3
 def installed() -> bool:
     """Tell whether there is a Mitsuba to run."""
     return find_spec("mitsuba") is not None
-
-
-def has_llvm() -> bool:
-    """Return whether Mitsuba's LLVM variants render here."""
-    try:
-        mitsuba.check_llvm()
-    except RuntimeError:
-        return False
-    return True
-
-
-class Run(NamedTuple):
-    """One image: a sampler by its name, samples per pixel, and a seed, or the key of a sampler of ours."""
-
-    sampler: str
-    spp: int
-    seed: int
 
 
 def render_image(
@@ -53,12 +35,6 @@ def render_image(
         this_machine.run_apart(mitsuba_process, task=task)
         with np.load(Path(folder) / mitsuba_process.RESULT) as result:
             return result["images"], result["seconds"].tolist()
-
-
-def film(width: int, height: int) -> dict[str, Any]:
-    """Return a film of linear RGB with a box filter."""
-    size = {"width": width, "height": height, "rfilter": {"type": "box"}}
-    return {"type": "hdrfilm", "pixel_format": "rgb", "component_format": "float32", **size}
 
 
 def describe(scene: tracing.Estimator, width: int, height: int) -> dict[str, Any]:
@@ -105,12 +81,13 @@ def _sensor(camera: tracing.Camera, width: int, height: int) -> dict[str, Any]:
     # Its camera looks along z, and x is to the left.
     left = np.cross(up, forward)
     left /= np.linalg.norm(left)
+    film = {"type": "hdrfilm", "pixel_format": "rgb", "component_format": "float32"}
     sensor = {
         "to_world": _matrix([left, np.cross(forward, left), forward], position),
         "fov": float(camera.fov),
         "fov_axis": "y",
         "near_clip": 1e-3,
-        "film": film(width, height),
+        "film": film | {"width": width, "height": height, "rfilter": {"type": "box"}},
         "sampler": {"type": "independent"},
     }
     if camera.aperture is None:

@@ -57,9 +57,7 @@ NOTE = (
     "one sample its errors are diffused, too, to about half of white noise at low frequencies (0.05 to "
     "0.14 on the simple integrands of figure screen-space). Its aligned blocks of 2**a x 3**b "
     "pixels share a sequence with a common stride, as uniform as contiguous points in the other bases. "
-    "'Smooth' is the half of the pixels with the least relative gradient. "
-    + diffusion.BESIDE_WINDOW
-    + diffusion.EXPLAINED
+    "'Smooth' is the half of the pixels with the least relative gradient. " + diffusion.EXPLAINED
 )
 
 
@@ -76,19 +74,28 @@ def ways(dims: int, side: int, spp: int) -> dict[str, samplers.Sampler]:
 
 
 def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, NDArray]]:
-    """Render all ways at 1, 4, 16 and in paper quality 64 samples per pixel; hand the images out."""
+    """Render all ways at 1, 4, 16 and in paper quality 64 samples per pixel; hand the images out.
+
+    Drafts render the insets only, by the ways that are drawn.
+    """
     side, counts, scene = SIDE[quality], COUNTS[quality], scenes.interior(BOUNCES[quality])
-    exact = diffusion.reference(scene, side, REFERENCE_SPP[quality])
+    exact = whole = diffusion.reference(scene, side, REFERENCE_SPP[quality])
     progress(0.5)
-    area = diffusion.beside_window(side)
-    smooth = _smooth(exact.image[area])
     left, top = side * 3 // 10, side * 9 // 20
-    near = np.s_[top : top + CROP, left : left + CROP]
+    area, near, inset = diffusion.beside_window(side), np.s_[top : top + CROP, left : left + CROP], None
+    if quality == "draft":
+        area, near, inset = diffusion.WHOLE, diffusion.WHOLE, (left, top, CROP)
+        exact = whole.part(*inset)
+    smooth = _smooth(exact.image[area])
     insets: dict[str, dict[str, NDArray]] = {f"{spp} spp": {} for spp in counts}
     images = {"reference": exact.image[area]}  # without the window, as they are measured
     measured: dict[str, dict[str, Any]] = {}
     compared = {spp: ways(len(scene.needs), side, spp) for spp in counts}
-    found = scene_images.compare(scene, side, compared, lambda part: progress(0.5 + 0.5 * part), len(counts))
+    if inset:
+        compared = {spp: {name: of[name] for name in (GLOBAL, *ALONG)} for spp, of in compared.items()}
+    found = scene_images.compare(
+        scene, side, compared, lambda part: progress(0.5 + 0.5 * part), len(counts), inset
+    )
     for (spp, name), image in found.items():
         images[f"{name}, {spp} spp"] = image[area]
         of = diffusion.measures(image, exact, area) | _by_area(image, exact, area, smooth)
@@ -101,22 +108,25 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         )
         for count, row in insets.items()
     }
-    passes = _render_passes(scene, side, counts[-1])
-    measured[PASSES] = {f"{counts[-1]} spp": diffusion.measures(passes, exact, area)}
     title = (
         "Along the Hilbert curve the RMS error is mostly about that of the global sequence\n"
         f"Hilbert paper, Fig. 5; our interior, {side} x {side} pixels, paths of {BOUNCES[quality]} bounces\n"
         "insets are of the red square; filtered error: RMS after a Gaussian of 1.5 pixels"
+        + (", in the square" if inset else "")
     )
     figure = image_sheet(title, rows, room=BESIDE)
-    _draw_beside(figure, Panel("reference", diffusion.shown(exact.image), marked=(left, top, CROP)), measured)
-    note = NOTE.format(
+    _draw_beside(figure, Panel("reference", diffusion.shown(whole.image), marked=(left, top, CROP)), measured)
+    note = ("All is measured in the insets. " if inset else diffusion.BESIDE_WINDOW) + NOTE.format(
         side=side,
         bounces=BOUNCES[quality],
         dims=len(scene.needs),
         origin=exact.origin,
         error=rms(exact.error[area]),
     )
+    if inset:
+        return figure, {"measured": measured, "note": note}, images
+    passes = _render_passes(scene, side, counts[-1])
+    measured[PASSES] = {f"{counts[-1]} spp": diffusion.measures(passes, exact, area)}
     return figure, {"measured": measured, "claims": _claims(measured, counts), "note": note}, images
 
 

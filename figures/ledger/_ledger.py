@@ -7,7 +7,7 @@ a paper says is a question of our own, and its answer never counts for or agains
 
 import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -113,6 +113,12 @@ def findings(entries: Mapping[str, Mapping[str, Any]], figure: str | None = None
     return [_finding(claim, entries) for claim in claims() if figure in (None, claim.figure)]
 
 
+def left_out(figure: str, found: Collection[str]) -> dict[str, Found]:
+    """Return the claims of a figure that are not among those found, as undecided."""
+    keys = (claim.key for claim in claims() if claim.figure == figure and claim.key is not None)
+    return {key: "undecided" for key in keys if key not in found}
+
+
 def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     why = claim.why or ""
     if claim.test is not None:
@@ -129,7 +135,7 @@ def _finding(claim: Claim, entries: Mapping[str, Mapping[str, Any]]) -> Finding:
     result = verdict(found)
     try:
         measured, why = (text.format_map(_readable(numbers)) for text in (claim.measured or "", why))
-    except KeyError:  # Drafts have no intervals of what they leave undecided.
+    except LookupError:  # Drafts do not measure all of what they leave undecided.
         if result != "undecided":
             raise
         measured, why = "", plain
@@ -192,7 +198,7 @@ def reservation(name: str, quality: Any, numbers: Any) -> str:
     found = numbers.get("claims") if isinstance(numbers, Mapping) else None
     if not isinstance(found, Mapping):
         return ""
-    pairs = [(of, _cases(found.get(key)).get(case)) for key in kept for case, of in _cases(kept[key]).items()]
+    pairs = [(of, _case(found.get(key), case)) for key in kept for case, of in _cases(kept[key]).items()]
     count = sum(one != other and other is not None for one, other in pairs)
     run = "draft" if quality == "draft" else "not in this run"
     return f"{run}: {count} of {len(pairs)} differ" if count else ""
@@ -200,3 +206,8 @@ def reservation(name: str, quality: Any, numbers: Any) -> str:
 
 def _cases(found: Any) -> Mapping[str, Found]:
     return found if isinstance(found, Mapping) else {"": found}
+
+
+def _case(found: Any, case: str) -> Any:
+    """Return what is found of a case: all cases of what a draft leaves out are undecided."""
+    return found.get(case) if isinstance(found, Mapping) else found

@@ -28,6 +28,7 @@ from figures.making.schema import check_numbers
 from figures.making.this_machine import machine, resident
 
 DPI = 300
+LEFT_OUT = "This draft measures only what it shows: paper quality judges the claims that need more."
 INTERVAL = 0.1
 """Seconds between updates of the workers' progress."""
 
@@ -227,6 +228,9 @@ def draw(task: Task, progress: Callable[[float], object]) -> Done:
             raise TypeError(f"{module}.{function} must return a matplotlib Figure and a dict, got ({types})")
         picture, numbers, *handed = parts
         images, others = (*handed, *(None, {})[len(handed) :])
+        if task.quality == "draft" and (left := ledger.left_out(task.name, numbers.get("claims", {}))):
+            numbers["claims"] = numbers.get("claims", {}) | left
+            numbers["note"] = f"{numbers.get('note', '')} {LEFT_OUT}".strip()
         check_numbers(numbers)
         if reservation := ledger.reservation(task.name, task.quality, numbers):
             for text in picture.texts:

@@ -29,13 +29,12 @@ WHITE = (0.6, 1.4)
 SIDE_9 = {"draft": 128, "paper": 256}
 REPLICATE = {"draft": 16, "paper": 64}
 
-KEYS_9 = {"draft": 4, "paper": 16}
-JUDGED_SIDE_9 = {"draft": 32, "paper": 128}
-"""Over how many keys claims are judged, on images of this side."""
+KEYS_9, JUDGED_SIDE_9 = 16, 128
+"""Over how many keys paper quality judges claims, on images of this side."""
 
 NOTE_9 = (
-    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes and cameras are ours. Claims are "
-    f"judged on {{small}} x {{small}} pixels over {{keys}} keys. References are {{origin}}. Errors are "
+    f"{{side}} x {{side}} pixels, {SPP} samples per pixel; scenes and cameras are ours. {{judged}}References "
+    "are {origin}. Errors are "
     "over linear RGB; filtered errors are RMS after a Gaussian of 1.5 pixels; power is 1 for white "
     "noise, low frequencies are below 1/16 cycle per pixel. x and y, and each u and v, form pairs. "
     "(0,2): Sobol' points xor-scrambled and shuffled per pixel. Sobol': over the full screen, not "
@@ -46,7 +45,7 @@ NOTE_9 = (
 
 def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the occluder, and measure errors and their spectra; hand the images out."""
-    side, small, keys, scene = SIDE_9[quality], JUDGED_SIDE_9[quality], KEYS_9[quality], scenes.occluder()
+    side, scene = SIDE_9[quality], scenes.occluder()
     exact = diffusion.reference_of("occluder", side, REPLICATE[quality])
     images = {"reference": exact.image}
     measured: dict[str, dict[str, float]] = {}
@@ -54,24 +53,22 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
         image = images[name] = scene_images.image(scene, sampler, side, SPP)
         measured[name] = _measures(image, exact)
     progress(0.2)
-    over_keys = {}
-    of_small = diffusion.reference_of("occluder", small, REPLICATE[quality])
-    by_key = [make_samplers(scene.needs, small, key=key) for key in range(keys)]
-    for name in measured:
-        keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else keys]]
-        found = [_measures(image, of_small) for image in scene_images.of_keys(scene, keyed, small, SPP)]
-        over_keys[name] = {measure: [of[measure] for of in found] for measure in found[0]}
-        progress(0.2 + 0.8 * len(over_keys) / len(measured))
     title = (
         "Complex occluder: the error of Z is blue noise, that of Sobol' aliases\n"
         f"Z paper, Fig. 9; our scene, {side} x {side} pixels, {SPP} samples per pixel; "
         "ranked keys: ours, after Heitz et al.\n"
         "filtered: RMS error after a Gaussian of 1.5 pixels; spectra: frequency 0 in the middle, dark is less"
     )
-    note = NOTE_9.format(side=side, small=small, keys=keys, origin=exact.origin) + z_renderings.note()
+    judged_on = f"Claims are judged on {JUDGED_SIDE_9} x {JUDGED_SIDE_9} pixels over {KEYS_9} keys. "
     numbers = {
-        "measured": measured
-        | {
+        "measured": measured | {"reference_error": rms(exact.error)},
+        "note": NOTE_9.format(side=side, judged=judged_on if quality == "paper" else "", origin=exact.origin)
+        + z_renderings.note(),
+    }
+    if quality == "paper":
+        over_keys = _over_keys_9(scene, list(measured), progress)
+        numbers["claims"] = _claims_9(over_keys)
+        numbers["measured"] |= {
             "over keys": {
                 name: {measure: judged.interval(values) for measure, values in of.items()}
                 for name, of in over_keys.items()
@@ -81,12 +78,8 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
             "filtered error, Z over (0,2)": judged.ratio(
                 over_keys["Z"]["filtered error"], over_keys["(0,2)-sequence"]["filtered error"]
             ),
-            "keys": keys,
-            "reference_error": rms(exact.error),
-        },
-        "claims": _claims_9(over_keys),
-        "note": note,
-    }
+            "keys": KEYS_9,
+        }
     shown = {name: image for name, image in images.items() if name != "reference"}
     areas = [
         Panel(f"{name}\nfiltered {measured[name]['filtered error']:.4f}", cut(image, CROP), transfer="srgb")
@@ -95,6 +88,22 @@ def z_9(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, 
     powers = spectra({name: analysis.error_spectrum(image, exact.image) for name, image in shown.items()}, {})
     of_errors = [Panel("spectrum of the error", image, powers.limits) for image in powers.images.values()]
     return beside(title, mark("reference", exact.image, CROP), [areas, of_errors]), numbers, images
+
+
+def _over_keys_9(
+    scene: Any, names: list[str], progress: Callable[[float], None]
+) -> dict[str, dict[str, list[float]]]:
+    """Return measures of images of each key, by sampler."""
+    exact = diffusion.reference_of("occluder", JUDGED_SIDE_9, REPLICATE["paper"])
+    by_key = [make_samplers(scene.needs, JUDGED_SIDE_9, key=key) for key in range(KEYS_9)]
+    found = {}
+    for done, name in enumerate(names, start=1):
+        keyed = [made[name] for made in by_key[: 1 if name == "Sobol'" else KEYS_9]]
+        of_keys = scene_images.of_keys(scene, keyed, JUDGED_SIDE_9, SPP)
+        of = [_measures(image, exact) for image in of_keys]
+        found[name] = {measure: [one[measure] for one in of] for measure in of[0]}
+        progress(0.2 + 0.8 * done / len(names))
+    return found
 
 
 def _measures(image: NDArray, exact: diffusion.Reference) -> dict[str, float]:

@@ -51,7 +51,7 @@ NOTE = (
     "per pixel. Ranked keys, after Heitz et al.: ours, optimised for pairs, each with its own "
     f"translation of a tile of 64 x 64 pixels, {{repeats}} of the image's width (theirs is 1/8 of it, "
     "for eight dimensions together). Spectra are those of the errors of the images above, the paper's of "
-    f"images; low is the mean over {KEYS} keys but for Sobol', which has none. The share is the power in "
+    f"images; low is {{low}}. The share is the power in "
     "the strongest 1 % of frequencies. With few tiles the spectrum has weak spikes; repetition would show "
     "as correlation of errors 64 pixels apart, but there the scene differs, and so do errors. A power at "
     f"low frequencies below {BLUE} of white noise is called blue. The reference is {{origin}}. "
@@ -106,7 +106,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
             measured[name][SPIKES] = _spikes((image - exact.image)[area], tile)
         if name == "Z":
             siblings = _neighbours((image - exact.image)[area])
-    over_keys = _over_keys(scene, side, exact, area, square)
+    # Drafts measure only the images that they show.
+    over_keys = _over_keys(scene, side, exact, area, square) if quality == "paper" else {}
     images["reference"] = diffusion.shown(exact.image[square])
     filtered = {name: f"filtered error {of['filtered error']:.3f}" for name, of in measured.items()}
     low = {
@@ -130,6 +131,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         bounces=BOUNCES[quality],
         dims=len(scene.needs),
         repeats=f"1/{side // TILE}",
+        low=f"the mean over {KEYS} keys but for Sobol', which has none" if over_keys else "of one key",
         origin=exact.origin,
     )
     note += (
@@ -138,11 +140,13 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict,
         + "Spectra are of the middle square of it. "
         + diffusion.EXPLAINED
     )
+    measured["correlation of Z's errors in neighbouring pixels"] = siblings
+    if not over_keys:
+        return figure, {"measured": measured, "note": note}, handed_out
     fading = _fading()
     numbers = {
         "measured": measured
         | {
-            "correlation of Z's errors in neighbouring pixels": siblings,
             "filtered error of Z over (0,2) for a product of coordinates": {
                 name: judged.ratio(ratios, np.ones(KEYS)) for name, ratios in fading.items()
             },

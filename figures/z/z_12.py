@@ -33,11 +33,9 @@ PIXELS = {"draft": 16, "paper": 32}
 KEYS = {"draft": 1, "paper": 16}
 """Among which the sets are divided."""
 
-JUDGED_SIDE = 32
-JUDGED_KEYS = {"draft": 1, "paper": 16}
-"""Side and number of the images whose filtered errors are judged: one image decides nothing."""
-DIFFUSED = {"draft": 4, "paper": 6}
-"""Binary logarithm of the largest number of samples of these."""
+JUDGED_SIDE, JUDGED_KEYS, DIFFUSED = 32, 16, 6
+"""Side and number of the images whose filtered errors paper quality judges, binary logarithm of their largest
+number of samples."""
 
 KEY = 1
 ALPHABETS = {"1 letter": 1, "4 letters": 4, "16 letters": 16, "64 letters": 64, "256 letters": 256}
@@ -80,10 +78,10 @@ NOTE = (
     "printed Z_hash; 'Z joint' has one sequence of five dimensions and one order. The reference is "
     f"{{origin}}. Graphs: {pixel_sets.SETS} sets of {{each}} random pixels of {{side}} x {{side}}, divided "
     "among {keys}, with intervals from the sets. Filtered errors: "
-    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {{judged}}. Reuse: every node has its own permutation, or nodes "
-    "whose numbers differ by leading zeros share one. Dimensions of the printed hash: RMS errors of products "
-    "of two coordinates at the largest count, in the same sets of pixels. The dimensions of the graphs are "
-    "random numbers, none of which repeat. " + diffusion.EXPLAINED
+    f"{JUDGED_SIDE} x {JUDGED_SIDE} pixels, {JUDGED_KEYS} keys. Reuse: every node has its own permutation, "
+    "or nodes whose numbers differ by leading zeros share one. Dimensions of the printed hash: RMS errors of "
+    "products of two coordinates at the largest count, in the same sets of pixels. The dimensions of the "
+    "graphs are random numbers, none of which repeat. " + diffusion.EXPLAINED
 )
 
 
@@ -128,8 +126,6 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     samplers_of = ways(dims, INSET, SPP)
     insets = {name: scene_images.image(scene, samplers_of[name], INSET, SPP) for name in SHOWN}
     progress(0.1)
-    diffused = _filter_errors(scene, quality)
-    progress(0.3)
     counts = [2**k for k in range(LARGEST[quality] + 1)]
     keys = range(KEY, KEY + KEYS[quality])
     of_keys = {spp: [ways(dims, side, spp, key) for key in keys] for spp in counts}
@@ -138,7 +134,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         exact,
         pixel_sets.draw_sets(side, PIXELS[quality]),
         {spp: {name: [made[name] for made in of] for name in of[0]} for spp, of in of_keys.items()},
-        lambda part: progress(0.3 + 0.7 * part),
+        lambda part: progress(0.1 + 0.6 * part),
     )
     figure = _sheet(insets, counts, errors, reference)
     note = NOTE.format(
@@ -146,11 +142,9 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         origin=exact.origin,
         each=PIXELS[quality],
         keys=f"{len(keys)} key" + "s" * (len(keys) > 1),
-        judged="one key, which judges nothing" if quality == "draft" else f"{JUDGED_KEYS[quality]} keys",
     )
     last = counts[-1]
-    ours, printed = (_pair_errors(name, side, last, PIXELS[quality]) for name in ("hash", "multiplicative"))
-    measured = {
+    measured: dict[str, Any] = {
         "largest count": last,
         "RMS error": {
             name: {f"{spp} spp": rms(values) for spp, values in of.items()} for name, of in errors.items()
@@ -161,6 +155,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         "RMS error of (0,2) over that of Z, all counts": judged.ratio(
             pixel_sets.over_counts(errors["(0,2)"]), pixel_sets.over_counts(errors["Z"])
         ),
+    }
+    if quality == "draft":
+        return figure, {"measured": measured, "note": note}
+    diffused = _filter_errors(scene)
+    ours, printed = (_pair_errors(name, side, last, PIXELS[quality]) for name in ("hash", "multiplicative"))
+    measured |= {
         "filtered error over that of Z, 2 spp": {
             name: judged.ratio(diffused[name][SPP], diffused["Z"][SPP]) for name in LIKE_TREES
         },
@@ -198,14 +198,14 @@ def _pair_errors(variant: str, side: int, spp: int, each: int) -> dict[str, NDAr
     return {f"{DIMENSIONS[a]} and {DIMENSIONS[b]}": of[:, a, b] for a, b in pairs}
 
 
-def _filter_errors(scene: Any, quality: str) -> Errors:
+def _filter_errors(scene: Any) -> Errors:
     """Return filtered errors of images of many keys: of all variants at two samples, of two at all counts."""
     dims, found = len(scene.needs), {}
     exact = diffusion.reference(scene, JUDGED_SIDE, SPP)
-    for spp in (2**k for k in range(DIFFUSED[quality] + 1)):
+    for spp in (2**k for k in range(DIFFUSED + 1)):
         names = ("Z hash", "Z joint", *(("Z", *LIKE_TREES, FRESH, REUSED) if spp == SPP else ()))
         for name in dict.fromkeys(names):
-            keyed = [_z(name, dims, JUDGED_SIDE, spp, key) for key in range(JUDGED_KEYS[quality])]
+            keyed = [_z(name, dims, JUDGED_SIDE, spp, key) for key in range(JUDGED_KEYS)]
             images = scene_images.of_keys(scene, keyed, JUDGED_SIDE, spp)
             values = [diffusion.measures(image, exact)["filtered error"] for image in images]
             found.setdefault(name, {})[spp] = values

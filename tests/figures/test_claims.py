@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from figures.catalogue import CATALOGUE, NO_DRAFT
-from figures.ledger import PAPERS, Claim, claims, findings, reservation, stored, to_store
+from figures.ledger import PAPERS, Claim, claims, findings, left_out, reservation, stored, to_store
 from figures.ledger._ledger import verdict
 from figures.making import store
 from figures.making.schema import UNDECIDED
@@ -62,6 +62,9 @@ def test_titles_rest_on_what_this_run_found():
     said = f"3 of {total} differ"
     assert reservation("z-10", "draft", numbers) == f"draft: {said}"
     assert reservation("z-10", "paper", numbers) == f"not in this run: {said}"
+    assert (
+        reservation("z-10", "draft", {"claims": left_out("z-10", ())}) == f"draft: {total} of {total} differ"
+    )
 
 
 def test_judgements_are_by_intervals():

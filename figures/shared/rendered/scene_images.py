@@ -61,8 +61,7 @@ def image(scene: Any, sampler: samplers.Sampler, side: int, spp: int, images: in
 
     ``images``: how many there will be by the same sampler but for its key.
     """
-    y, x = np.divmod(np.arange(side**2, dtype=np.uint32), np.uint32(side))
-    return at_pixels(scene, sampler, side, spp, x, y, images).reshape(side, side, -1)
+    return of_area(scene, sampler, side, spp, 0, 0, side, images)
 
 
 def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) -> NDArray[np.float64]:
@@ -75,11 +74,18 @@ def of_keys(scene: Any, keyed: Sequence[samplers.Sampler], side: int, spp: int) 
 
 
 def of_area(
-    scene: Any, sampler: samplers.Sampler, side: int, spp: int, left: int, upper: int, part: int
+    scene: Any,
+    sampler: samplers.Sampler,
+    side: int,
+    spp: int,
+    left: int,
+    upper: int,
+    part: int,
+    images: int = 1,
 ) -> NDArray[np.float64]:
     """Return a square area of such an image: what a draft shows of it."""
     y, x = np.mgrid[upper : upper + part, left : left + part].astype(np.uint32)
-    return at_pixels(scene, sampler, side, spp, x, y)
+    return at_pixels(scene, sampler, side, spp, x, y, images)
 
 
 def at_pixels(
@@ -142,10 +148,14 @@ def compare(
     ways: Mapping[int, Mapping[str, samplers.Sampler]],
     progress: Callable[[float], None] = lambda part: None,
     images: int = 1,
+    area: tuple[int, int, int] | None = None,
 ) -> dict[tuple[int, str], NDArray[np.float64]]:
-    """Return images by samples per pixel and name of the sampler: cells, each of which is kept."""
+    """Return images by samples per pixel and name of the sampler: cells, each of which is kept.
+
+    ``area``: what is rendered of them, as of `of_area`; by default all.
+    """
     cells = {
-        f"{name}, {spp} spp": partial(image, scene, sampler, side, spp, images)
+        f"{name}, {spp} spp": partial(of_area, scene, sampler, side, spp, *(area or (0, 0, side)), images)
         for spp, of_count in ways.items()
         for name, sampler in of_count.items()
     }

@@ -30,13 +30,16 @@ class Size(NamedTuple):
     tolerances: tuple[float, ...]
     counts: tuple[int, ...]
     """Of lamps."""
+    keys: int
 
 
 SIZES = {
-    "draft": Size(4, 48, (0.08, 0.02), (250, 1000)),
-    "paper": Size(8, 64, (0.16, 0.08, 0.04, 0.02, 0.01), (125, 250, 500, 1000, 2000, 4000)),
+    "draft": Size(4, 48, (0.08, 0.02), (250, 1000), 4),
+    "paper": Size(8, 64, (0.16, 0.08, 0.04, 0.02, 0.01), (125, 250, 500, 1000, 2000, 4000), 16),
 }
-KEYS, INSTANTS, LAMPS = 16, 16, 1000
+INSTANTS, LAMPS = 16, 1000
+SHOWN = 16
+"""The key of the images."""
 WEBER = 0.02
 """The tolerance of the images: clusters below 2 % of a pixel are not refined."""
 
@@ -67,19 +70,19 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     world = make_world()
     cases: dict[float, list[dict[str, float]]] = {tolerance: [] for tolerance in size.tolerances}
     pairs: dict[int, list[float]] = {count: [] for count in size.counts}
-    for key in range(KEYS):
+    for key in range(size.keys):
         scene = make_scene(world, size.side, LAMPS, key)
         for tolerance, found in cases.items():
             found.append(_compare(scene, tolerance, key))
         for count, costs in pairs.items():
             other = scene if count == LAMPS else make_scene(world, size.side, count, key)
             costs.append(cut(other, WEBER, key).cost.mean())
-        progress(0.9 * (key + 1) / KEYS)
+        progress(0.9 * (key + 1) / size.keys)
     by_tolerance = {
         f"{tolerance:g}": {name: np.array([one[name] for one in found]) for name in found[0]}
         for tolerance, found in cases.items()
     }
-    exponents = [slope({n: costs[key] for n, costs in pairs.items()}) for key in range(KEYS)]
+    exponents = [slope({n: costs[key] for n, costs in pairs.items()}) for key in range(size.keys)]
     measured = {
         "all pairs": INSTANTS * LAMPS,
         "by tolerance": {
@@ -104,10 +107,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
             tolerance: judged.smaller(of[CUTS], of[RANDOM]) for tolerance, of in by_tolerance.items()
         },
     }
-    scene = make_scene(world, size.shown, LAMPS, KEYS)
+    scene = make_scene(world, size.shown, LAMPS, SHOWN)
     figure = _draw(scene, measured)
     progress(1.0)
-    note = NOTE.format(side=size.side, keys=KEYS)
+    note = NOTE.format(side=size.side, keys=size.keys)
     return figure, {"measured": measured, "claims": claims, "note": note}
 
 
@@ -224,12 +227,12 @@ def _compare(scene: Scene, tolerance: float, key: int) -> dict[str, float]:
 
 
 def _draw(scene: Scene, measured: Mapping[str, Any]) -> Figure:
-    found, reference = cut(scene, WEBER, KEYS), exact(scene)
+    found, reference = cut(scene, WEBER, SHOWN), exact(scene)
     mean = found.cost.mean()
     images = {
         f"all {measured['all pairs']:,} pairs": reference,
         f"cuts, {mean:,.0f} pairs": found.value,
-        f"{mean:,.0f} random pairs": draw_pairs(scene, found.cost, KEYS),
+        f"{mean:,.0f} random pairs": draw_pairs(scene, found.cost, SHOWN),
     }
     top, side = 1.2 * np.quantile(reference, 0.99), round(len(reference) ** 0.5)
     panels = [

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import cache, partial
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -32,11 +33,10 @@ SHOWN = ("random", "rank-1 lattice", NETS[0], FULL[0])
 SHOWN_SIDE = {"draft": 128, "paper": 256}
 """What is shown in pictures, and their side."""
 
-DRAFT_SIDE = {"cornell_box": 64, "helicopter": 32}
 SIDES = (64, 128, 256)
 """Of the images on which sentences about pictures are judged, in paper quality."""
-KEYS = {"draft": 1, "paper": 16}
-"""Of rotated points."""
+KEYS = 16
+"""Of rotated points, there."""
 REPLICATE = {"draft": 32, "paper": 128}
 """Samples in each replicate of an estimated reference."""
 
@@ -74,11 +74,6 @@ def _jittered(spp: int, key: int) -> Callable[[Array], Array]:
     return point
 
 
-def sides(name: str, quality: str) -> tuple[int, ...]:
-    """Return the sides of the images of a scene."""
-    return SIDES if quality == "paper" else (DRAFT_SIDE[name],)
-
-
 def counts(name: str, spps: list[int]) -> list[int]:
     """Return the numbers of samples that a sampler is made for: grids have cubes."""
     return [spp for spp in spps if name != "jittered grid" or round(spp ** (1 / 3)) ** 3 == spp]
@@ -103,8 +98,8 @@ def pictures(
 ) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Show a scene, and an area of it and its errors with some samplers at 64 samples per pixel.
 
-    ``claims`` takes the errors of all sizes; those of samplers in ``whole`` are of its images. Hands the
-    images out.
+    ``claims`` takes the errors of all sizes, in paper quality; those of samplers in ``whole`` are of its
+    images. Hands the images out.
     """
     scene, side, spp = getattr(scenes, name)(), SHOWN_SIDE[quality], 64
     exact = diffusion.reference_of(name, side, REPLICATE[quality])
@@ -118,7 +113,6 @@ def pictures(
         for made in [make_sampler(each, side, spp)]
     }
     progress(0.3)
-    errors = over_keys(name, quality, lambda part: progress(0.3 + 0.7 * part), whole or {})
     areas = {each: cut(image, crop) if quality == "paper" else image for each, image in images.items()}
     differences = {each: area - cut(exact.image, crop) for each, area in areas.items()}
     scale = 3 * float(np.median([rms(each) for each in differences.values()]))
@@ -133,9 +127,17 @@ def pictures(
         + ("whole image" if quality == "paper" else "area")
     )
     figure = beside(title, mark("reference", exact.image, crop), [panels, of_errors])
-    numbers = {
-        "measured": {
-            "keys": KEYS[quality],
+    numbers: dict[str, Any] = {
+        "measured": {"reference_error": rms(exact.error)},
+        "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
+        f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels, each with a key "
+        f"of its own in paper quality, except for full-screen nets, which have none. " + _note(exact),
+    }
+    if quality == "paper":
+        errors = over_keys(name, lambda part: progress(0.3 + 0.7 * part), whole or {})
+        numbers["claims"] = claims(errors)
+        numbers["measured"] |= {
+            "keys": KEYS,
             "rms_error": {each: rms(of) for each, of in list(errors.values())[-1].items()},
             "RMS error, mean over keys": {
                 size: {each: rms(values) for each, values in of.items()} for size, of in errors.items()
@@ -146,28 +148,22 @@ def pictures(
             },
             "modified / Sobol' net": judged.ratios(errors, NETS[1], NETS[0]),
             "lattice / Sobol' net": judged.ratios(errors, "rank-1 lattice", NETS[0]),
-            "reference_error": rms(exact.error),
-        },
-        "claims": claims(errors),
-        "note": f"{side} x {side} pixels, {spp} samples per pixel, box filter; scene and camera are ours. "
-        f"Claims are judged by intervals over {pixel_sets.SETS} random sets of the pixels, each with a key "
-        f"of its own in paper quality, except for full-screen nets, which have none. " + _note(exact),
-    }
+        }
     return figure, numbers, {"reference": drawn.image} | images
 
 
-def over_keys(name: str, quality: str, progress: Callable[[float], None], whole: Whole) -> Keys:
+def over_keys(name: str, progress: Callable[[float], None], whole: Whole) -> Keys:
     """Return errors of sets of pixels, divided among keys, at 64 samples per pixel by size and sampler."""
-    spp, found, sizes = 64, {}, sides(name, quality)
-    for done, side in enumerate(sizes):
-        exact, pixels = diffusion.reference_of(name, side, REPLICATE[quality]), pixel_sets.all_pixels(side)
+    spp, found = 64, {}
+    for done, side in enumerate(SIDES):
+        exact, pixels = diffusion.reference_of(name, side, REPLICATE["paper"]), pixel_sets.all_pixels(side)
         known = whole.get(side, {})
         by_count = pixel_sets.compare(
             getattr(scenes, name)(),
             exact,
             pixels,
-            {spp: {each: _of_keys(each, side, quality) for each in COMPARED if each not in known}},
-            lambda part, done=done: progress((done + part) / len(sizes)),
+            {spp: {each: _of_keys(each, side) for each in COMPARED if each not in known}},
+            lambda part, done=done: progress((done + part) / len(SIDES)),
         )
         found[f"{side} x {side} pixels"] = {
             each: pixel_sets.errors_of_images(known[each], exact, pixels)
@@ -178,31 +174,29 @@ def over_keys(name: str, quality: str, progress: Callable[[float], None], whole:
     return found
 
 
-def _of_keys(name: str, side: int, quality: str) -> list[samplers.Sampler]:
+def _of_keys(name: str, side: int) -> list[samplers.Sampler]:
     """Return samplers for 64 samples per pixel of all keys; full-screen nets have none."""
-    return [make_sampler(name, side, 64, key) for key in range(1 if name in FULL else KEYS[quality])]
+    return [make_sampler(name, side, 64, key) for key in range(1 if name in FULL else KEYS)]
 
 
-def whole_images(name: str, names: tuple[str, ...], quality: str) -> Whole:
+def whole_images(name: str, names: tuple[str, ...]) -> Whole:
     """Return the images of some samplers of a scene."""
     scene = getattr(scenes, name)()
 
     def render(sampler: samplers.Sampler, side: int) -> np.ndarray:
-        if quality == "paper":
-            return np.asarray(qj.render(scene, sampler, side, side, 64), np.float64)
-        return scene_images.image(scene, sampler, side, 64)
+        return np.asarray(qj.render(scene, sampler, side, side, 64), np.float64)
 
     return {
-        side: {each: [render(made, side) for made in _of_keys(each, side, quality)] for each in names}
-        for side in sides(name, quality)
+        side: {each: [render(made, side) for made in _of_keys(each, side)] for each in names}
+        for side in SIDES
     }
 
 
-def strongest_waves(name: str, whole: Whole, quality: str) -> dict[str, dict[str, list[float]]]:
+def strongest_waves(name: str, whole: Whole) -> dict[str, dict[str, list[float]]]:
     """Return the strongest waves of errors of each image by size and sampler."""
     waves = {}
     for side, images in whole.items():
-        exact = diffusion.reference_of(name, side, REPLICATE[quality])
+        exact = diffusion.reference_of(name, side, REPLICATE["paper"])
         waves[f"{side} x {side} pixels"] = {
             each: [_strongest_wave(image, exact) for image in of] for each, of in images.items()
         }

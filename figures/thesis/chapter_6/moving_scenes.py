@@ -21,8 +21,9 @@ PATTERN = 1.5
 def thesis_6_5(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict, dict[str, np.ndarray]]:
     """Render the scene with the samplers of Sect. 6.2."""
     title = "Cornell box: rotated nets have less error than random points and the lattice\nthesis, Fig. 6.5; "
-    whole = motion_blur.whole_images("cornell_box", (*NETS, *FULL), quality)
-    waves = motion_blur.strongest_waves("cornell_box", whole, quality)
+    paper = quality == "paper"
+    whole = motion_blur.whole_images("cornell_box", (*NETS, *FULL)) if paper else {}
+    waves = motion_blur.strongest_waves("cornell_box", whole)
     figure, numbers, images = motion_blur.pictures(
         "cornell_box", title, CROP_6_5, partial(_claims_6_5, waves), quality, progress, whole
     )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from figures import plot
 from figures._errors import residual, rms, slope
 from figures.making import finished_cells
-from figures.making.schema import Claims, Found
+from figures.making.schema import UNDECIDED, Claims, Found
 from figures.shared import judged
 from figures.shared.rendered import pixel_sets, scene_images
 from figures.shared.sheets.image_sheets import Crop, Panel, add_axes, beside, cut, image_grid, mark
@@ -23,10 +23,10 @@ REGIONS = ("whole", "upper", "lower")
 Sets = dict[str, NDArray[np.float64]]
 """Errors of random sets of pixels and of all counts, shape (sets, counts), by sampler."""
 
-SIZE = {"draft": (128, 5), "paper": (512, 7)}
+SIZE = {"draft": (128, 4), "paper": (512, 7)}
 """Side of an image for convergence, and the logarithm, to base 4, of its largest number of samples."""
 
-KEYS = 4
+KEYS = {"draft": 1, "paper": 4}
 """Jittered grids are random: their errors are averaged over so many."""
 
 VISIBLE = 2.0
@@ -130,10 +130,11 @@ def convergence(
 
     ``claims`` takes the errors of regions, the image and its halves, and of sets of pixels.
     """
-    side, largest = SIZE[quality]
+    (side, largest), keys = SIZE[quality], KEYS[quality]
+    averaged = f"RMS over {keys} keys" if keys > 1 else "one key"
     spps = [4**k for k in range(largest + 1)]
     scene = scene_images.quickly_compiled(scene, quality)
-    found = _errors(scene, side, spps, KEYS, title, progress)
+    found = _errors(scene, side, spps, keys, title, progress)
     sets = {name: of[len(REGIONS) :] for name, of in found.items()}
     errors = {name: {str(r): found[name][k].tolist() for k, r in enumerate(REGIONS)} for name in found}
 
@@ -143,7 +144,7 @@ def convergence(
         name: cut(scene_images.rendered(scene, make(SHOWN), side, SHOWN), crop) - exact
         for name, make in makers.items()
     }
-    title += f"; {side} x {side} pixels; jittered grids: RMS over {KEYS} keys; {MATRICES}"
+    title += f"; {side} x {side} pixels; jittered grids: {averaged}; {MATRICES}"
     whole = {name: of_region["whole"] for name, of_region in errors.items()}
     figure = _draw(title, spps, whole | {"random": _random(scene, side, spps)}, base, areas)
     numbers = {
@@ -155,7 +156,7 @@ def convergence(
         },
         "claims": claims(errors, sets),
         "note": f"{side} x {side} pixels. The thesis plots the norm of the error image, the RMS error times "
-        f"{side}. Jittered grids: root mean square over {KEYS} keys. 'claims' lists the thesis's sentences "
+        f"{side}. Jittered grids: {averaged}. 'claims' lists the thesis's sentences "
         "and whether they hold in these numbers. 'fluctuation' is the root mean square of the distances of "
         "the errors' logarithms from the line that fits them best.",
     }
@@ -320,7 +321,7 @@ def _claims_6_4(quality: str, errors: dict, sets: Sets) -> Claims:
 
     return {
         "Larcher-Pillichshammer best up to 256 samples per pixel": best(LARCHER, few=True),
-        "permutation net best beyond 256 samples per pixel": best("permutation", few=False),
+        "permutation net best beyond 256 samples per pixel": best("permutation", few=False) or UNDECIDED,
         "in parts worse than the jittered grid": {
             name: any(a > b for a, b in zip(whole[name], whole["jittered grid"], strict=True))
             for name in ("Hammersley", "rank-1 lattice", "optimised matrices")

@@ -6,15 +6,13 @@ repeated by translation. In the cube they are reflected in its faces: within the
 never closer than the originals, and the diagram of all points has vertices in the corners of the cube and
 where its boundary crosses the Voronoi diagram.
 
-The cube is cut into blocks, processed one after another on each core. For the centres in a block, points and
-copies within an upper bound of the dispersion suffice: no point on the sphere of a largest empty ball and no
+Copies within an upper bound of the dispersion suffice: no point on the sphere of a largest empty ball and no
 nearest point is farther away.
 
 Almost flat simplices of cospherical points have inaccurate centres. So distances are measured from the
 centres to the nearest point. None can exceed the dispersion, wherever the centre is.
 """
 
-import itertools
 import math
 
 import numpy as np
@@ -24,7 +22,7 @@ from scipy.optimize import nnls
 from scipy.spatial import Delaunay, KDTree
 
 from analysis import _arguments
-from analysis._host import Attained, call_back, threads
+from analysis._host import Attained, call_back
 from qmcjax.core import checks
 
 _ROUNDING = 2.0**-36
@@ -32,12 +30,6 @@ _ROUNDING = 2.0**-36
 
 _ALIKE = 4096
 """Number of centres measured first; it doubles each time."""
-
-_TOGETHER = 2**13
-"""Minimum number of points per block; a block's side is also at least four times the upper bound."""
-
-_COUNTED = 2**16
-"""Number of points that are sorted into boxes together."""
 
 Floats = NDArray[np.float64]
 
@@ -68,10 +60,9 @@ def dispersion(points: ArrayLike, torus: bool = True) -> float:
 
     Notes
     -----
-    The time is that of a Delaunay triangulation, O(n log n) for points spread over the cube. These are
-    triangulated in blocks, on all cores, with less memory than the points plus 100 MB per core. If the
-    largest empty ball fills much of the cube, there is a single block, with about 7 simplices per point in
-    three dimensions.
+    The time is that of a Delaunay triangulation, O(n log n) for points spread over the cube, with about 2
+    simplices per point in two dimensions and 7 in three: some 0.7 and 4.5 kB per point, so memory grows
+    beyond 1 GB from 2^20 points in two dimensions, and from 2^18 in three.
 
     References
     ----------
@@ -121,44 +112,20 @@ def _attained(points: Floats, torus: bool) -> Attained:
 
 def _ball(array: Floats, torus: bool) -> tuple[float, Floats]:
     """Return radius and centre of a largest empty ball."""
-    n, dims = array.shape
+    dims = array.shape[1]
     if dims == 1:
         return _line_ball(np.unique(array), torus)
     margin = _upper_bound(array, torus)
-    side = max(1, min(int((n / _TOGETHER) ** (1 / dims)), int(1 / (4 * margin))))
-    box = _boxes(array, side)
-    order = np.argsort(box, kind="stable")
-    edges = np.searchsorted(box, np.arange(side**dims + 1), sorter=order)
-    del box
-
-    def block_ball(block: tuple[int, ...]) -> tuple[float, Floats]:
-        near = [
-            sorted({k % side if torus else min(max(k, 0), side - 1) for k in (c - 1, c, c + 1)})
-            for c in block
-        ]
-        numbers = [np.ravel_multi_index(each, (side,) * dims) for each in itertools.product(*near)]
-        local = array[np.concatenate([order[edges[k] : edges[k + 1]] for k in numbers])]
-        low = np.array(block) / side
-        return _largest_ball(np.unique(local, axis=0), low, low + 1 / side, margin, torus)
-
-    with threads() as pool:
-        return max(pool.map(block_ball, np.ndindex((side,) * dims)), key=lambda ball: ball[0])
-
-
-def _largest_ball(
-    points: Floats, low: Floats, high: Floats, margin: float, torus: bool
-) -> tuple[float, Floats]:
-    """Return the largest empty ball with its centre in a block, from points around it."""
-    copies = _images(points, low - margin, high + margin, torus)[2]
+    copies = _images(np.unique(array, axis=0), -margin, 1 + margin, torus)[2]
     copies = copies if torus else np.unique(copies, axis=0)
     centres, radii = _circumspheres(copies, Delaunay(copies).simplices)
-    inside = ((centres >= low - _ROUNDING) & (centres <= high + _ROUNDING)).all(axis=1)
+    inside = ((centres >= -_ROUNDING) & (centres <= 1 + _ROUNDING)).all(axis=1)
     inside &= radii <= margin * (1 + _ROUNDING)
-    centres, radii = np.clip(centres[inside], low, high), radii[inside]
+    centres, radii = np.clip(centres[inside], 0, 1), radii[inside]
     order = np.argsort(-radii, kind="stable")
     centres, radii = centres[order], radii[order]
     tree = KDTree(copies, balanced_tree=False, compact_nodes=False)
-    best, centre, start, count = 0.0, low, 0, _ALIKE
+    best, centre, start, count = 0.0, np.zeros(dims), 0, _ALIKE
     while start < len(radii) and radii[start] * (1 - _ROUNDING) > best:
         distances = np.asarray(tree.query(centres[start : start + count])[0])
         k = int(distances.argmax())
@@ -177,15 +144,6 @@ def _line_ball(ordered: Floats, torus: bool) -> tuple[float, Floats]:
     return float(radii[k]), centres[[k]] % 1 if torus else centres[[k]]
 
 
-def _boxes(points: Floats, side: int) -> NDArray[np.int32]:
-    """Return the number of each point's box, for ``side`` boxes along each axis."""
-    box = np.empty(len(points), np.int32)
-    for start in range(0, len(points), _COUNTED):
-        index = (points[start : start + _COUNTED].T * side).astype(np.int64)
-        box[start : start + _COUNTED] = np.ravel_multi_index(tuple(index), (side,) * len(index))
-    return box
-
-
 def _upper_bound(points: Floats, torus: bool) -> float:
     """Return the diagonal of two boxes along each axis, for the finest grid without a large hole.
 
@@ -195,7 +153,7 @@ def _upper_bound(points: Floats, torus: bool) -> float:
     side = math.ceil((2 * n) ** (1 / dims))
     while side > 2:
         full = np.zeros((side,) * dims, np.bool_)
-        full.ravel()[_boxes(points, side)] = True
+        full[tuple((points.T * side).astype(np.int64))] = True
         for axis in range(dims):
             line = np.moveaxis(full, axis, 0)
             before, first = line[:-1].copy(), line[0].copy()
@@ -211,13 +169,14 @@ def _upper_bound(points: Floats, torus: bool) -> float:
 
 
 def _images(
-    points: Floats, low: Floats, high: Floats, torus: bool
+    points: Floats, low: Floats | float, high: Floats | float, torus: bool
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Return the points, copies and reflected points in a box: numbers of points, directions, coordinates.
 
     A direction is -1 along the reflected axes, 1 along others.
     """
     index, signs = np.arange(len(points)), np.ones_like(points)
+    low, high = (np.broadcast_to(end, points.shape[1:]) for end in (low, high))
     for axis in range(points.shape[1]):
         parts = []
         for sign in (0, -1, 1):

@@ -387,45 +387,17 @@ def test_grids_have_flat_simplices(dims, at_a_time, monkeypatch):
 
 @pytest.mark.parametrize("torus", [True, False])
 @pytest.mark.parametrize(("dims", "n"), [(2, 2000), pytest.param(3, 16000, marks=pytest.mark.slow)])
-def test_blocks_find_what_the_whole_has(dims, n, torus, monkeypatch):
-    """Wherever the largest hole is; over a mesh the distance, 1-Lipschitz, misses half a diagonal at most."""
-    blocks, plain = [], _dispersion._largest_ball
-
-    def counted(points, low, *rest):
-        blocks.append(tuple(low))
-        return plain(points, low, *rest)
-
-    monkeypatch.setattr(_dispersion, "_largest_ball", counted)
+def test_dispersion_is_near_that_of_a_mesh(dims, n, torus):
+    """The distance to the nearest point is 1-Lipschitz, and a mesh misses half a diagonal at most."""
     rng = np.random.default_rng(6)
     spread, side = rng.random((n, dims)), round(n ** (1 / dims))
     grid, mesh = cube(side, dims) / side, cube(101, dims) / 100
     hole = spread[(np.abs((spread - rng.random(dims) + 0.5) % 1 - 0.5) > 0.6 / side).any(axis=1)]
     many = spread, grid, hole, (grid + rng.random(dims)) % 1, np.tile(spread, (2, 1))
     for points in many[: 5 if dims == 2 else 2]:
-        found = []
-        for together in (n // 40, 2 * n):
-            monkeypatch.setattr(_dispersion, "_TOGETHER", together)
-            blocks.clear()
-            found.append(dispersion(points, torus))
-            assert len(set(blocks)) == len(blocks) and (len(blocks) > 1) == (together < n)
-        assert found[0] == approx(found[1], rel=1e-15)
         tree = KDTree(points, boxsize=1 if torus else None)
         lower = tree.query(mesh % 1 if torus else mesh)[0].max()
-        assert lower - 1e-12 <= found[0] <= lower + math.sqrt(dims) / 200
-
-
-@pytest.mark.parametrize("torus", [True, False])
-def test_blocks_are_no_smaller_than_a_hole_allows(torus, monkeypatch):
-    """However few points a block may have, as many as around it decide about a disc of radius 0.07."""
-    for key in range(4):
-        rng = np.random.default_rng(key)
-        spread, centre = rng.random((2000, 2)), rng.random(2)
-        points = spread[np.linalg.norm((spread - centre + 0.5) % 1 - 0.5, axis=1) > 0.07]
-        found = []
-        for together in (1, 4000):
-            monkeypatch.setattr(_dispersion, "_TOGETHER", together)
-            found.append(dispersion(points, torus))
-        assert found[0] == approx(found[1], rel=1e-15)
+        assert lower - 1e-12 <= dispersion(points, torus) <= lower + math.sqrt(dims) / 200
 
 
 @pytest.mark.parametrize("torus", [True, False])

@@ -126,9 +126,9 @@ def cast_edges(scene: Any, dtype: DTypeLike) -> Any:
     )
 
 
-def dimension_names(dims: int, names: tuple[str, ...] = ("x", "y")) -> tuple[str, ...]:
+def dimension_names(dims: int) -> tuple[str, ...]:
     """Return the names of all dimensions; those without a meaning are called u2, u3, ..."""
-    return (*names, *(f"u{j}" for j in range(len(names), dims)))[:dims]
+    return ("x", "y", *(f"u{j}" for j in range(2, dims)))[:dims]
 
 
 _OPTIONAL = ("reference", "reference_gradient", "varies", "boundary", "unrolled", "of_coordinates")

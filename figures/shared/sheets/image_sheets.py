@@ -38,15 +38,13 @@ class Panel(NamedTuple):
     """Left and upper edge and side of an area, in pixels of the image."""
 
 
-def image_grid(
-    title: str, panels: Sequence[Panel | None], columns: int, below: int = 0, width: float = PAGE
-) -> Figure:
-    """Draw images over a width in inches, and leave ``below`` pixels free under them.
+def image_grid(title: str, panels: Sequence[Panel | None], columns: int, below: int = 0) -> Figure:
+    """Draw images over the width of a page, and leave ``below`` pixels free under them.
 
     Each pixel of an image is a whole number of the picture's: anything else would add patterns.
     """
     rows = [list(panels[k : k + columns]) for k in range(0, len(panels), columns)]
-    return _sheet(title, rows, columns, 0, 0, below, width)[0]
+    return _sheet(title, rows, columns, 0, 0, below)[0]
 
 
 Crop = tuple[float, float, float]
@@ -73,7 +71,7 @@ def mark(caption: str, image: NDArray, crop: Crop, transfer: str = "srgb") -> Pa
 
 def beside(title: str, large: Panel, rows: Sequence[Sequence[Panel | None]]) -> Figure:
     """Draw an image on the left of rows of others, such as magnified areas."""
-    figure, places = _sheet(title, rows, max(map(len, rows)), LARGE + 2 * GAP, 0, 0, PAGE)
+    figure, places = _sheet(title, rows, max(map(len, rows)), LARGE + 2 * GAP, 0, 0)
     (_, _, top, height), (_, _, bottom, _) = places[0], places[-1]
     side = _zoom(large.image, LARGE) * len(large.image)
     place_panel(figure, large, 2 * GAP, (top + height + bottom + side) // 2, LARGE)
@@ -98,8 +96,8 @@ class Row(NamedTuple):
     marked: tuple[int, int, int] | None = None
 
 
-def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE, room: int = 0) -> Figure:
-    """Show rows of images by their labels over a width in inches, below the names of columns.
+def image_sheet(title: str, rows: Mapping[str, Row], room: int = 0) -> Figure:
+    """Show rows of images by their labels over the width of a page, below the names of columns.
 
     ``room``: pixels that are left free on their right.
     """
@@ -117,7 +115,7 @@ def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE, room: 
         table.append(cells)
     if any(row.shades and heads[-1] in row.images for row in rows.values()):
         room += KEY
-    figure, places = _sheet(title, table, len(heads), LABEL, room, GAP, width)
+    figure, places = _sheet(title, table, len(heads), LABEL, room, GAP)
     across, down = figure.get_size_inches() * DPI
     for (label, row), (left, right, bottom, size) in zip(rows.items(), places, strict=True):
         x, y = (left - 16) / across, (bottom + size / 2) / down
@@ -128,23 +126,17 @@ def image_sheet(title: str, rows: Mapping[str, Row], width: float = PAGE, room: 
 
 
 def _sheet(
-    title: str,
-    rows: Sequence[Sequence[Panel | None]],
-    columns: int,
-    left: int,
-    right: int,
-    below: int,
-    inches: float,
+    title: str, rows: Sequence[Sequence[Panel | None]], columns: int, left: int, right: int, below: int
 ) -> tuple[Figure, list[tuple[int, int, int, int]]]:
     """Draw rows of images, centred; return left, right, bottom and height of each row."""
-    width = round(inches * DPI)
+    width = round(PAGE * DPI)
     size = (width - left - right) // columns - GAP
     heads = [max(panel.caption.count("\n") + bool(panel.caption) for panel in row if panel) for row in rows]
     heads = [LINE * count + 16 * bool(count) for count in heads]
     sides = [max(_zoom(panel.image, size) * len(panel.image) for panel in row if panel) for row in rows]
     cell = max(max(sides), size - GAP) + GAP
     left += (width - left - right - columns * cell + GAP) // 2
-    lines = "\n".join(fold_title(title, inches)).rstrip().count("\n") + 1
+    lines = "\n".join(fold_title(title, PAGE)).rstrip().count("\n") + 1
     top = 44 * (lines + 1)
     height = top + sum(heads) + sum(sides) + GAP * len(rows) + below
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)

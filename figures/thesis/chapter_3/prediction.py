@@ -313,7 +313,7 @@ def _mesh(axes: Axes, image: NDArray, time: float) -> None:
     """Draw the triangles between pixels of an image of the time 1/6, moved to another one."""
     start = np.float32(1 / 6)
     number, point = first_hits(MESH, float(start), SHAKEN)
-    (before, at), (after, to) = (tuple(np.asarray(a) for a in path()(jnp.float32(t))) for t in (start, time))
+    (before, at), (after, to) = (tuple(np.asarray(a) for a in _placed(jnp.float32(t))) for t in (start, time))
     moved = (point - at) @ np.linalg.inv(before).T @ after.T + to
     point = jnp.asarray(np.where((number == BOX)[:, None], moved, point))
     u, v, depth = (np.asarray(a) for a in _project(point, jnp.full_like(point[:, 0], time)))
@@ -327,6 +327,12 @@ def _mesh(axes: Axes, image: NDArray, time: float) -> None:
     axes.add_collection(PolyCollection(list(corners), facecolors=faces, edgecolors="0.5", linewidths=0.3))
     axes.set(xlim=(0, 1), ylim=(0, 1), aspect="equal")
     axes.set_axis_off()
+
+
+@jax.jit
+def _placed(time: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the linear part and the translation of the box."""
+    return path()(time)
 
 
 @jax.jit

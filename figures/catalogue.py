@@ -115,6 +115,7 @@ TITLES = {
     "discrepancy-records": "Searched points have about half of Sobol's star discrepancy, and less in L2",
     "intervals": "Betting intervals held every integral; others are narrower, and miss some",
     "smooth": "For smooth integrands lattices with a tent beat Sobol' points, interlaced nets in 3-D only",
+    "edges": "Lines see edges: their derivatives lead from a wrong pose to the target",
     "playground": "The page renders two samplers side by side, by shaders",
     "speed": "Points and measures are faster than other programs', rays and paths about as fast",
     "hilbert-1": "Of the four curves, none has fewer segments in its worst 3x3 neighbourhood than Hilbert's",
@@ -153,7 +154,7 @@ OUR_SCENE = frozenset(
 TIMED = frozenset(
     """
     thesis-3.2.1 thesis-table-4.2 thesis-table-4.3 thesis-3.11 thesis-5.4 benchmark designed-samplers
-    speed z-table-1
+    edges speed z-table-1
     """.split()
 )
 """Figures that measure time: in paper quality nothing runs beside them."""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from figures.shared import costs
-from figures.shared.mitsuba_runs.mitsuba_process import _native
+from figures.shared.mitsuba_runs.mitsuba_process import as_native
 
 MOVES = "vertex_positions", "to_world", "value", "x_fov"
 """How names of parameters end that may move."""
@@ -30,7 +30,7 @@ def measure(task: dict[str, Any]) -> list[list[float]]:
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     with tempfile.TemporaryDirectory() as folder:
         scene, before, after = (
-            mitsuba.load_dict(_native(mitsuba, task[name], Path(folder)))
+            mitsuba.load_dict(as_native(mitsuba, task[name], Path(folder)))
             for name in ("scene", "before", "after")
         )
     given, low, high = (mitsuba.traverse(each) for each in (scene, before, after))

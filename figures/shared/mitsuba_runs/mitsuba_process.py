@@ -22,7 +22,7 @@ def main() -> None:
     mitsuba.set_variant("scalar_rgb")
     task = json.load(sys.stdin)
     folder = Path(task["folder"])
-    scene = mitsuba.load_dict(_native(mitsuba, task["scene"], folder))
+    scene = mitsuba.load_dict(as_native(mitsuba, task["scene"], folder))
     images, seconds = [], []
     for seed in task["seeds"]:
         start = time.perf_counter()
@@ -32,13 +32,13 @@ def main() -> None:
     np.savez(folder / RESULT, images=np.array(images), seconds=np.array(seconds))
 
 
-def _native(mitsuba: Any, value: Any, folder: Path) -> Any:
+def as_native(mitsuba: Any, value: Any, folder: Path) -> Any:
     """Return a description with Mitsuba's own matrices, and triangles in files."""
     if not isinstance(value, dict):
         return value
     if value.get("type") == "matrix":
         return mitsuba.ScalarTransform4f(np.array(value["rows"]))
-    native = {key: _native(mitsuba, part, folder) for key, part in value.items()}
+    native = {key: as_native(mitsuba, part, folder) for key, part in value.items()}
     if "triangles" in native:
         native["filename"] = str(_ply(native.pop("triangles"), folder))
     return native

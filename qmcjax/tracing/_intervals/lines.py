@@ -11,7 +11,8 @@ from jax import Array
 
 from qmcjax.core import checks
 from qmcjax.tracing._intervals.candidates import Batch, RayState, background, insert_spans, over_rows
-from qmcjax.tracing._intervals.fans import KINDS, Fan, find_spans, may_hit, outline, value
+from qmcjax.tracing._intervals.fans import Fan
+from qmcjax.tracing._intervals.outlines import KINDS, find_spans, may_hit, outline, value
 from qmcjax.tracing._intervals.resolution import resolve
 from qmcjax.tracing._shapes.object import Object, Shape, rounding, row
 from qmcjax.tracing._shapes.primitives import Box, Plane, Rectangle

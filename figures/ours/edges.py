@@ -117,7 +117,7 @@ class Moved:
         """Return radiance and its derivative, shape (..., 6)."""
 
         def radiance(values: Array) -> Array:
-            return SCENES[self.name].at(values).with_columns(SIDE)(point)
+            return SCENES[self.name].at(values).with_size(SIDE, SIDE)(point)
 
         return jnp.concatenate(jax.jvp(radiance, (self.values,), (self.direction,)), axis=-1)
 
@@ -201,7 +201,7 @@ def _errors(name: str, size: Size) -> tuple[Errors, Errors, dict[str, Any]]:
     moved, difference = _moved(name, scene.start), _differences(name)
     exact = [_both(moved, BEST, size.reference, 2**20 + k) for k in range(REPLICATES)]
     image, slope = (diffusion.of_replicates(list(of), "") for of in zip(*exact, strict=True))
-    lines, still = scene.at(scene.start).with_columns(SIDE), scene.at(scene.start, ())
+    lines, still = scene.at(scene.start).with_size(SIDE, SIDE), scene.at(scene.start, ())
     gradients, images = {}, {}
     for sampler, label in size.samplers.items():
         gradients[label] = _measure(lambda *of: _both(moved, *of)[1], sampler, size.lines, keys, slope)

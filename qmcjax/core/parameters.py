@@ -1,5 +1,6 @@
 """Parameters of scenes and motions: real numbers and arrays of them, in full precision."""
 
+import warnings
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -161,3 +162,17 @@ def _refuse(name: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, 
         "derivative of its mean. qmcjax.boundary_gradient estimates the derivatives of pixel means, for "
         "scenes with a method boundary"
     )
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def may_move_an_edge(text: str, value: Array) -> Array:
+    """Return a parameter whose differentiation warns, of what a text says."""
+    return value
+
+
+@partial(may_move_an_edge.defjvp, symbolic_zeros=True)
+def _warn(text: str, primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    (value,), (tangent,) = primals, tangents
+    if not isinstance(tangent, SymbolicZero):
+        warnings.warn(text, stacklevel=2)
+    return value, tangent

@@ -50,8 +50,8 @@ def task(scene: Any, sampler: Any, width: Any, height: Any, spp: Any, dtype: Any
     width, height = checks.image_size(width, height)
     spp = checks.integer("spp", spp, 1, checks.INDEX_LIMIT - 1)
     dtype = checks.floating(dtype)
-    if hasattr(scene, "with_columns"):
-        scene = scene.with_columns(width)
+    if hasattr(scene, "with_size"):
+        scene = scene.with_size(width, height)
     if sampler.dims < len(scene.needs):
         raise ValueError(
             f"sampler must have the {len(scene.needs)} dimensions that the scene needs {scene.needs}, got "

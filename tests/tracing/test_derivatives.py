@@ -168,6 +168,7 @@ BIDIRECTIONAL = partial(tracing.bidirectional, bounces=1, light_bounces=1)
         pytest.param(tracing.direct_light, filling_floor, FILLED, id="direct light"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*must not move an edge")
 def test_where_no_edge_moves_places_have_derivatives(make, made, given):
     """Derivatives of samples are differences."""
 

@@ -77,8 +77,7 @@ def part_at(found, t):
     return jnp.where((start <= t[:, None]) & (t[:, None] < end), number, -1).max(axis=1)
 
 
-@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-@pytest.mark.parametrize("kind", ["screen", "lens"])
+@pytest.mark.parametrize("kind, dtype", [("screen", jnp.float32), ("lens", jnp.float64)])
 @pytest.mark.parametrize("name", WORLDS)
 def test_parts_are_what_rays_hit(name, kind, dtype):
     world = in_dtype(lines.opened(tracing.world(WORLDS[name])), dtype)
@@ -153,12 +152,14 @@ def points_of(scene, count):
 
 
 SCENES = {
-    "ball": "x",
-    "shard through side": "x",
-    "pipe and coin": "x",
+    "ball": ("x",),
+    "shard through side": ("x",),
+    "pipe and coin": ("x",),
     "shadow": ("x", "light_u"),
-    "defocus": "lens_u",
+    "defocus": ("lens_u",),
 }
+OTHER = {"x": "y", "light_u": "light_v", "lens_u": "lens_v"}
+
 THETA = np.array([0.13, 0.05, 0.02, 0.03])
 
 
@@ -170,7 +171,7 @@ def test_derivatives_are_those_of_finite_differences(name):
     weights = jnp.asarray(RNG.random((60, 1)))
 
     def value(theta):
-        return jnp.sum(weights * scene_of(name, theta, SCENES[name]).with_columns(3)(points))
+        return jnp.sum(weights * scene_of(name, theta, SCENES[name]).with_size(3, 2)(points))
 
     found, compiled = jax.jit(jax.grad(value))(jnp.asarray(THETA)), jax.jit(value)
     step = 1e-5
@@ -181,12 +182,34 @@ def test_derivatives_are_those_of_finite_differences(name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("name", ["ball", "shadow", "defocus"])
+def test_lines_in_both_directions_agree_with_those_in_one(name):
+    """Means of values and derivatives, within 5 sigma; and derivatives are bounded."""
+    points = points_of(scene_of(name, THETA, ()), 2**13)
+
+    def both(chosen):
+        def value(theta):
+            return scene_of(name, theta, chosen).with_size(3, 2)(points)[:, 0]
+
+        moved = jax.jit(lambda theta, move: jax.jvp(value, (theta,), (move,)))
+        values = [moved(jnp.asarray(THETA), move) for move in jnp.eye(4)]
+        return np.stack([values[0][0], *(slope for _, slope in values)])
+
+    one, two = both(SCENES[name]), both(SCENES[name] + tuple(map(OTHER.get, SCENES[name])))
+    difference = two - one
+    assert (abs(difference.mean(axis=1)) <= 5 * difference.std(axis=1) / np.sqrt(2**13)).all()
+    assert abs(two[1:]).max() < 0.5 * abs(one[1:]).max()
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*SCENES, "paths"])
 @pytest.mark.parametrize("intervals", [1, 8])
 def test_means_are_those_of_points(name, intervals):
     """Also where parts do not fit: within 5 sigma."""
     count = 2**14
-    lined = scene_of(name, THETA, SCENES.get(name, "x"), intervals=intervals).with_columns(5)
+    chosen = SCENES.get(name, ("x",))
+    chosen += tuple(map(OTHER.get, chosen))
+    lined = scene_of(name, THETA, chosen, intervals=intervals).with_size(5, 3)
     points = points_of(lined, count)
     one, other = (np.asarray(jax.jit(scene)(points))[:, 0] for scene in (lined, scene_of(name, THETA, ())))
     difference = one - other
@@ -231,7 +254,9 @@ def test_chords_are_uniform_on_the_lens():
     camera = tracing.camera([0, 0, 0], [0, 0, -1], aperture=2.0, focus=3.0)
     v = jnp.concatenate([jnp.linspace(0, 1, 1001), jnp.array([1e-12, 1e-4, 0.5 - 1e-9])])
     middle = jnp.full_like(v, 0.5)
-    first, last, focus = camera.chord(middle, middle, middle, v)
+    first, last, focus = camera.chord(middle, middle, middle, v, v < 0, 0 * v)
+    upright, _, _ = camera.chord(middle, middle, middle, v, v >= 0, 0 * v)
+    np.testing.assert_array_equal(jnp.stack(upright), jnp.stack([first[1], first[0], first[2]]))
     height = first[1] / 2
     np.testing.assert_allclose(
         0.5 + (height * np.sqrt(1 - height**2) + np.arcsin(height)) / np.pi, v, atol=1e-13
@@ -241,13 +266,14 @@ def test_chords_are_uniform_on_the_lens():
     np.testing.assert_allclose(jnp.stack(focus), jnp.stack([0 * v, 0 * v, 0 * v - 3]), atol=1e-13)
 
 
-def test_render_tells_the_width():
-    scene = scene_of("ball", THETA, "x")
+@pytest.mark.parametrize("chosen", ["x", "y", ("x", "y")])
+def test_render_tells_the_size(chosen):
+    scene = scene_of("ball", THETA, chosen)
     sampler = samplers.full_screen(sequences.sobol(2), 4, 3)
-    image = render(scene, sampler, 4, 3, 16, dtype=jnp.float64)
-    y = (jnp.arange(300.0) + 0.5) / 300
-    points = jnp.stack(jnp.broadcast_arrays((jnp.arange(4.0)[None] + 0.5) / 4, y[:, None]), axis=-1)
-    expected = jax.jit(scene.with_columns(4))(points).reshape(3, 100, 4, 3).mean(axis=1)
+    image = render(scene, sampler, 4, 3, 64, dtype=jnp.float64)
+    x, y = (jnp.arange(400.0) + 0.5) / 400, (jnp.arange(300.0) + 0.5) / 300
+    points = jnp.stack(jnp.broadcast_arrays(x, y[:, None]), axis=-1)
+    expected = jax.jit(scene_of("ball", THETA, ()))(points).reshape(3, 100, 4, 100, 3).mean(axis=(1, 3))
     np.testing.assert_allclose(image, expected, atol=0.03)
 
 
@@ -283,14 +309,17 @@ def test_edges_without_lines_are_named():
         ("shadow", "light_u", "what the camera sees"),
         ("paths", "x", "what later parts of paths see"),
     ):
-        with pytest.raises(ValueError, match=rf"center \(by {edges}, which no line covers\) moves an edge"):
+        with pytest.raises(
+            ValueError,
+            match=rf"center \(by {edges}, which no line covers; .*a fifth too small\) moves an edge",
+        ):
             jax.grad(value)(jnp.asarray(THETA), of, chosen)
 
 
 def test_wrong_lines_are_refused():
     world, camera = tracing.world([tracing.sphere([0, 0, 0], 1.0)]), tracing.camera([0, 0, 5], [0, 0, 0])
     for wrong, error in (
-        ("y", ValueError),
+        ("z", ValueError),
         (3, TypeError),
         (["x", "x"], ValueError),
         ("light_u", ValueError),
@@ -299,8 +328,8 @@ def test_wrong_lines_are_refused():
         with pytest.raises(error, match=r"^lines must"):
             tracing.direct_light(world, camera, lines=wrong)
     lens, blades = (tracing.camera([0, 0, 5], [0, 0, 0], aperture=0.1, blades=n) for n in (None, 5))
-    for of, wrong in ((lens, ("x", "lens_u")), (blades, "lens_u")):
-        with pytest.raises(ValueError, match=r"^lines must have 'lens_u' only"):
+    for of, wrong in ((lens, ("y", "lens_v")), (blades, "lens_v")):
+        with pytest.raises(ValueError, match=r"^lines must have 'lens_v' only"):
             tracing.path_tracing(world, of, 1, lines=wrong)
     with pytest.raises(ValueError, match=r"^scene must have no lines"):
         tracing.analytic_visibility(tracing.direct_light(world, camera, lines="x"))

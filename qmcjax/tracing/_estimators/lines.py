@@ -5,14 +5,22 @@ they depend on: the derivative of the sum is an unbiased estimate of the derivat
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import Array
 
 from qmcjax.tracing._intervals.fans import Fan, eye, lens_fan
-from qmcjax.tracing._intervals.lines import Parts, attach, bare, find_clear, find_visible, opened
+from qmcjax.tracing._intervals.lines import (
+    Parts,
+    attach,
+    bare,
+    find_clear,
+    find_visible,
+    listed,
+    opened,
+)
 from qmcjax.tracing._light.interaction import (
     Choice,
     SurfaceInteraction,
@@ -39,6 +47,9 @@ from qmcjax.tracing._world.world import Sight, World
 from qmcjax.tracing.search.intersection import UNKNOWN
 from qmcjax.tracing.search.program import tile_size
 
+SCREEN, LENS, LIGHT = ("x", "y"), ("lens_u", "lens_v"), ("light_u", "light_v")
+"""Coordinates that lines may be along."""
+
 TILE = 1024
 """Parts that are shaded together."""
 
@@ -49,9 +60,42 @@ Gain = Callable[[Sample, Vector, Array], Vector]
 """See :func:`reflect_lights`; without arrays of its own, which would not be in tiles."""
 
 
-def integrate_parts(
-    world: World, fan: Fan, found: Parts, offset: Array, given: Any, shade: Shade
-) -> tuple[Vector, Array]:
+class Line(NamedTuple):
+    """A line in one of two directions, or in either: a fan, and where on its parts they are shaded."""
+
+    fan: Fan
+    offset: Array
+    across: Fan | None
+    """How the fan changes as the line moves to its side by its length; None if all lines are parallel."""
+
+
+def turned(names: tuple[str, str], lines: tuple[str, ...], u: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Return which lines are along the second coordinate, their other coordinate, and where parts are shaded.
+
+    Of both kinds, u chooses one: along the line it is not needed.
+    """
+    if set(names) <= set(lines):
+        second = u >= 0.5
+        return second, v, 2 * u - second.astype(u.dtype)
+    along_v = names[1] in lines
+    return jnp.full_like(u, along_v, bool), *((u, v) if along_v else (v, u))
+
+
+def _placed(along_v: Array, t: Any, aside: Array) -> tuple[Array, Array]:
+    """Return the two coordinates of points t of lines."""
+    return jnp.where(along_v, aside, t), jnp.where(along_v, t, aside)
+
+
+def line_of(fan: Callable[[Array], Fan], offset: Array, both: bool) -> Line:
+    """Return lines from their fans as they move to their side by some of their lengths."""
+    still = jnp.zeros_like(offset)
+    if not both:
+        return Line(fan(still), offset, None)
+    here, across = jax.jvp(fan, (still,), (still + 1,))
+    return Line(here, offset, across)
+
+
+def integrate_parts(world: World, line: Line, found: Parts, given: Any, shade: Shade) -> tuple[Vector, Array]:
     """Return the integrals of values over the parts of lines, and the length in which nothing is seen.
 
     Where parts do not fit, the rest of a line is one more part, in which visibility is sampled. Most lines
@@ -62,30 +106,36 @@ def integrate_parts(
     rest = jnp.where(until < 1, UNKNOWN, -1).astype(jnp.int32)
     last = until, jnp.ones_like(until), rest, rest, rest
     flat = tuple(jnp.concatenate([*a, end]) for a, end in zip(slots, last, strict=True))
-    used, lines = flat[3] != -1, offset.shape[0]
-    place = jnp.cumsum(used, dtype=jnp.int32) - 1
-    size = tile_size(lines, TILE)
+    used, lines = flat[3] != -1, line.offset.shape[0]
+    # Parts whose ends move are listed first; of the others, at most one is of a line.
+    whole = used & (flat[0] == 0) & (flat[1] == 1)
+    moves = used & ~whole
+    first = jnp.cumsum(moves, dtype=jnp.int32)
+    second = first[-1] + jnp.cumsum(whole.reshape(-1, lines).any(axis=0), dtype=jnp.int32)
+    place = jnp.where(moves, first, jnp.where(whole, jnp.tile(second, used.size // lines), 0)) - 1
+    size, total = tile_size(lines, TILE), second[-1]
     tiles = -(-used.size // size)
-    order = jnp.zeros(tiles * size, jnp.int32)
-    order = order.at[jnp.where(used, place, order.size)].set(
-        jnp.arange(used.size, dtype=jnp.int32), mode="drop"
-    )
+    order = listed(place, tiles * size)
 
-    def tile(listed: Array) -> tuple[Vector, Array]:
-        (start, end, before, number, after), line = (a[listed] for a in flat), listed % lines
-        mine, u, others = jax.tree.map(lambda a: a[line], (fan, offset, given))
+    def tile(parts: Array) -> tuple[Vector, Array]:
+        (start, end, before, number, after), mine = (a[parts] for a in flat), parts % lines
+        (fan, u, across), others = jax.tree.map(lambda a: a[mine], (line, given))
         ends = jnp.stack([start, end])
-        moved = attach(shapes, mine, ends, jnp.stack([before, number]), jnp.stack([number, after]))
-        first, last = jnp.where(number == UNKNOWN, ends, moved)
+        sides = jnp.stack([before, number]), jnp.stack([number, after])
+        first, last = jax.lax.cond(
+            jnp.any(moves[parts]),
+            lambda: jnp.where(number == UNKNOWN, ends, attach(shapes, fan, ends, *sides, across)),
+            lambda: ends,
+        )
         length = jnp.where(number == -1, 0, last - first)
         lit = length > 0
         value = shade(others, first + u * (last - first), number, lit)
         return each(lambda v: jnp.where(lit, length * v, 0), value), length
 
-    def turn(first: Array, listed: Array) -> tuple[Array, tuple[Vector, Array]]:
-        zero = jnp.zeros(size, offset.dtype)
+    def turn(first: Array, parts: Array) -> tuple[Array, tuple[Vector, Array]]:
+        zero = jnp.zeros(size, line.offset.dtype)
         none = (zero, zero, zero), zero
-        return first + size, jax.lax.cond(first <= place[-1], lambda: tile(listed), lambda: none)
+        return first + size, jax.lax.cond(first < total, lambda: tile(parts), lambda: none)
 
     _, (value, length) = jax.lax.scan(turn, jnp.int32(0), order.reshape(tiles, size))
 
@@ -101,22 +151,34 @@ def along_the_camera(
     """Return the mean radiance across the pixels of points, or along chords of the lens, components (n,)."""
     world = opened(world)
     x, y = coordinates["x"], coordinates["y"]
-    others = dict(coordinates)
-    if "x" in estimator.lines:
+    others, lines = dict(coordinates), estimator.lines
+    if set(lines) & set(SCREEN):
         lens = tuple(others.pop(name) for name in camera.lens)
-        columns, offset = estimator.columns, x * estimator.columns
-        column = jnp.clip(jnp.floor(offset), 0, columns - 1)
-        offset = offset - column
-        origin, first, _ = camera.sights(column / columns, y, time, lens)
-        _, last, _ = camera.sights((column + 1) / columns, y, time, lens)
-        fan = eye(origin, first, last, time)
+        width, height = estimator.size
+        column, row = (jnp.clip(jnp.floor(a * n), 0, n - 1) for a, n in ((x, width), (y, height)))
+        upright, aside, offset = turned(SCREEN, lines, x * width - column, y * height - row)
+
+        def fan_of(moved: Array) -> Fan:
+            to_side = aside + moved
+
+            def sight(t: float) -> tuple[Vector, Vector, Array]:
+                right, down = _placed(upright, t, to_side)
+                return camera.sights((column + right) / width, (row + down) / height, time, lens)
+
+            origin, first, _ = sight(0)
+            return eye(origin, first, sight(1)[1], time)
+
     else:
-        offset = others.pop("lens_u")
-        first, last, focus = camera.chord(x, y, time, others.pop("lens_v"))
-        fan = lens_fan(first, last, focus, time)
+        upright, aside, offset = turned(LENS, lines, *(others.pop(name) for name in LENS))
+
+        def fan_of(moved: Array) -> Fan:
+            first, last, focus = camera.chord(x, y, time, aside, upright, moved)
+            return lens_fan(first, last, focus, time)
+
     # A ray at the very end of a part may miss what is seen there.
     least = jnp.sqrt(jnp.finfo(x.dtype).eps) / 16
     offset = jnp.clip(offset, least, 1 - least)
+    line = line_of(fan_of, offset, any(set(names) <= set(lines) for names in (SCREEN, LENS)))
 
     def shade(given: Any, t: Array, number: Array, lit: Array) -> Vector:
         fan, others = given
@@ -125,8 +187,8 @@ def along_the_camera(
         sight = Sight(start, keep(lit, unit(direction)), fan.time, number)
         return estimator.radiance(world, sight, others)
 
-    found = find_visible(world, fan, estimator.intervals)
-    value, empty = integrate_parts(world, fan, found, offset, (fan, others), shade)
+    found = find_visible(world, line.fan, estimator.intervals)
+    value, empty = integrate_parts(world, line, found, (line.fan, others), shade)
     for light in world.lights:
         if isinstance(light, Environment):
             value = each(lambda v, e: v + empty * e, value, components(light.radiance))
@@ -134,34 +196,39 @@ def along_the_camera(
 
 
 def reflect_along_lights(
-    world: World, choice: Choice, at: SurfaceInteraction, time: Array, gain: Gain, intervals: int
+    estimator: Any, world: World, choice: Choice, at: SurfaceInteraction, time: Array, gain: Gain
 ) -> Vector:
     """Return what :func:`reflect_lights` does, along lines on lights that are rectangles."""
     point = at.hit.point
     number = choice.number(world, time)
-    start = width = each(jnp.zeros_like, point)
+    corner = edge_u = edge_v = each(jnp.zeros_like, point)
     mine = jnp.zeros_like(time, bool)
-    v = jnp.zeros_like(time) if choice.v is None else choice.v
-    offset = jnp.zeros_like(time) if choice.u is None else choice.u
+    half = jnp.full_like(time, 0.5)
+    u, v = (half if a is None else a for a in (choice.u, choice.v))
+    along_v, aside, offset = turned(LIGHT, estimator.lines, u, v)
     for lights, row, here in by_kind(world.lights, number):
         if isinstance(lights, RectangleLight):
-            corner, edge_u, edge_v = (
-                components(part[row]) for part in (lights.corner, lights.edge_u, lights.edge_v)
-            )
-            start, width = where(here, (along(corner, v, edge_v), edge_u), (start, width))
+            parts = tuple(components(part[row]) for part in (lights.corner, lights.edge_u, lights.edge_v))
+            corner, edge_u, edge_v = where(here, parts, (corner, edge_u, edge_v))
             mine = mine | here
     mine = mine & at.hit.valid
-    first = keep(mine, minus(start, point))
-    last = keep(mine, plus(minus(start, point), width))
-    middle = sample_light(world, number, point, at.normal, 0 * v + 0.5, v)
+    width, side = where(along_v, (edge_v, edge_u), (edge_u, edge_v))
+
+    middle = sample_light(world, number, point, at.normal, *_placed(along_v, half, aside))
     slack = jnp.where(mine, middle.distance - reach(middle, point), 0)
-    short = jnp.minimum(slack / jnp.where(mine, jnp.minimum(length(first), length(last)), 1), 0.5)
-    fan = eye(point, first, last, time, jax.lax.stop_gradient(1 - short))
-    found = find_clear(world, fan, intervals)
+
+    def fan_of(moved: Array) -> Fan:
+        start = minus(along(corner, aside + moved, side), point)
+        first, last = keep(mine, start), keep(mine, plus(start, width))
+        short = jnp.minimum(slack / jnp.where(mine, jnp.minimum(length(first), length(last)), 1), 0.5)
+        return eye(point, first, last, time, jax.lax.stop_gradient(1 - short))
+
+    line = line_of(fan_of, offset, set(LIGHT) <= set(estimator.lines))
+    found = find_clear(world, line.fan, estimator.intervals)
 
     def shade(given: Any, t: Array, place: Array, lit: Array) -> Vector:
-        at, number, v, time = given
-        light = sample_light(world, number, at.hit.point, at.normal, t, v)
+        at, number, along_v, aside, time = given
+        light = sample_light(world, number, at.hit.point, at.normal, *_placed(along_v, t, aside))
         gained = gain(light, *evaluate(at.surface, at.normal, at.outgoing, light.direction))
         unknown = lit & (place == UNKNOWN)
         seen = jax.lax.cond(
@@ -171,7 +238,7 @@ def reflect_along_lights(
         )
         return keep(seen, gained)
 
-    value, _ = integrate_parts(world, fan, found, offset, (at, number, v, time), shade)
+    value, _ = integrate_parts(world, line, found, (at, number, along_v, aside, time), shade)
     if all(isinstance(light, RectangleLight) for light in world.lights):
         return keep(mine, value)
     return where(mine, value, reflect_lights(world, choice, at, time, gain))

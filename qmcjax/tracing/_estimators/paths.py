@@ -11,6 +11,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.core.pytrees import frozen_pytree
 from qmcjax.tracing._estimators.estimator import Coordinates, Estimator, checked_lines, validate_parts
+from qmcjax.tracing._estimators.lines import LENS, SCREEN
 from qmcjax.tracing._estimators.varies import Seen
 from qmcjax.tracing._light.interaction import Choice, any_of, emission, interact
 from qmcjax.tracing._light.scattering import Turn, bounce_needs, reflect_lights, scatter
@@ -80,7 +81,7 @@ class PathTracing(Scattering):
     smooth: bool = field(metadata={"static": True})
     lines: tuple[str, ...] = field(metadata={"static": True, "keeps_mean": True})
     intervals: int = field(metadata={"static": True, "keeps_mean": True})
-    columns: int = field(metadata={"static": True, "keeps_mean": True})
+    size: tuple[int, int] = field(metadata={"static": True, "keeps_mean": True})
 
     def light_needs(self) -> tuple[str, ...]:
         return bounce_needs(self.world, self.bounces, self.roulette)
@@ -164,9 +165,10 @@ def path_tracing(
     smooth : bool, optional
         See :func:`direct_light`. Edges of lights and emitters, as seen from surfaces that scatter, count too.
     lines : str or sequence of str, optional
-        ``x`` or ``lens_u``, see :func:`direct_light`: what the camera sees first is integrated along a line,
-        and one path starts in each of its parts. Edges that later parts of paths see are not covered: with
-        ``smooth=True`` derivatives have those of the first surfaces, and lack those of shadows and bounces.
+        ``x`` and ``y``, or ``lens_u`` and ``lens_v``, see :func:`direct_light`: what the camera sees first is
+        integrated along a line, and one path starts in each of its parts. Edges that later parts of paths see
+        are not covered: with ``smooth=True`` derivatives have those of the first surfaces, and lack those of
+        shadows and bounces.
     intervals : int, optional
         See :func:`direct_light`.
 
@@ -196,6 +198,6 @@ def path_tracing(
     bounces = checks.integer("bounces", bounces, 0, 64)
     if roulette is not None:
         roulette = checks.integer("roulette", roulette, 1, 64)
-    lines = checked_lines(world, camera, lines, ("x", "lens_u"))
+    lines = checked_lines(world, camera, lines, (*SCREEN, *LENS))
     intervals = checks.integer("intervals", intervals, 1, 256)
-    return PathTracing(world, camera, bounces, roulette, smooth, lines, intervals, 1)
+    return PathTracing(world, camera, bounces, roulette, smooth, lines, intervals, (1, 1))

@@ -12,7 +12,7 @@ from jax import Array
 from qmcjax.core import checks
 from qmcjax.tracing._intervals.candidates import Batch, RayState, background, insert_spans, over_rows
 from qmcjax.tracing._intervals.fans import Fan
-from qmcjax.tracing._intervals.outlines import KINDS, find_spans, may_hit, outline, value
+from qmcjax.tracing._intervals.outlines import KINDS, find_spans, folded, may_hit, outline, value
 from qmcjax.tracing._intervals.resolution import resolve
 from qmcjax.tracing._shapes.object import Object, Shape, rounding, row
 from qmcjax.tracing._shapes.primitives import Box, Plane, Rectangle
@@ -20,7 +20,7 @@ from qmcjax.tracing._shapes.triangles import Triangles
 from qmcjax.tracing._shapes.vectors import along, dot, each, largest, length, minus, unit
 from qmcjax.tracing._world.world import World, merge_kinds
 from qmcjax.tracing.search.intersection import EACH, frames, search, select_rows
-from qmcjax.tracing.search.program import boxes_of, map_tiles
+from qmcjax.tracing.search.program import boxes_of, map_tiles, tile_size
 
 TILE = 32
 """Fans whose candidates are listed together."""
@@ -124,65 +124,57 @@ def _find(world: World, fan: Fan, count: int, parts: Callable[[RayState], Parts]
     direction = fan.direction(jnp.full_like(fan.time, 0.5))
     start, size = along(fan.apex, fan.begin, direction), length(direction)
     _, number = search(world, start, unit(direction), fan.time, fan.limit * size, clear)
-    covers, bound = _covering(world, fan, number)
-    bound = jnp.where(covers, jnp.minimum(bound, fan.limit), fan.limit)
 
-    def tested(given: Any) -> Array:
-        (fan, placed), number, bound = given
+    def others(given: Any) -> Array:
+        fan, placed, number, bound = given
         some = jnp.zeros_like(number, bool)
         for frame, (_, batches) in zip(placed, groups, strict=True):
             for batch in batches:
                 some = _others(some, batch, fan.inside(frame), number, bound)
         return some
 
-    some = map_tiles(tested, ((fan, placed), number, bound), WIDE_TILE)
+    def collected(given: Any) -> RayState:
+        fan, placed, bound = given
+        state = background(jnp.full_like(bound, -1, jnp.int32), bound, count, zero, zero + 1)
+        for frame, (_, batches) in zip(placed, groups, strict=True):
+            for batch in batches:
+                state = _collect(state, batch, fan.inside(frame))
+        return state._replace(opened=(), closed=())
+
+    zero = jnp.zeros((), fan.time.dtype)
+    covers, bound = _covering(world, fan, number)
+    bound = jnp.where(covers, jnp.minimum(bound, fan.limit), fan.limit)
+    some = map_tiles(others, (fan, placed, number, bound), WIDE_TILE)
     known = jnp.where(number < 0, ~some, covers if clear else covers & ~some)
     seen = jnp.where(number < 0, CLEAR, -1) if clear else number
-    order = jnp.argsort(known, stable=True)
-    back = jnp.zeros_like(order).at[order].set(jnp.arange(order.size, dtype=order.dtype))
-    zero = jnp.zeros((), fan.time.dtype)
+    one = jax.eval_shape(parts, background(number[:1], bound[:1], count, zero, zero)).start
+    ends, none = (jnp.full((len(one), number.size), a) for a in (zero, jnp.int32(-1)))
+    whole = Parts(
+        ends,
+        ends.at[0].set(jnp.where(seen == -1, 0, zero + 1)),
+        none,
+        none.at[0].set(seen),
+        none,
+        0 * fan.time + 1,
+    )
+    tile = tile_size(number.size, WIDE_TILE)
+    place = jnp.cumsum(~known, dtype=jnp.int32)
+    order = listed(jnp.where(known, -1, place - 1), known.size + -known.size % tile)
 
-    def collected(given: Any) -> RayState:
-        (fan, placed), known, bound = given
+    def turn(k: Array, found: Parts) -> Parts:
+        here = jax.lax.dynamic_slice_in_dim(order, k * tile, tile)
+        state = map_tiles(collected, jax.tree.map(lambda a: a[here], (fan, placed, bound)), TILE)
+        new = parts(state._replace(opened=zero, closed=zero + 1))
+        mine = jnp.where(known[here], number.size, here)
+        return jax.tree.map(lambda a, b: a.at[..., mine].set(b, mode="drop"), found, new)
 
-        def all_batches() -> RayState:
-            state = background(jnp.full_like(number, -1, shape=bound.shape), bound, count, zero, zero + 1)
-            for frame, (_, batches) in zip(placed, groups, strict=True):
-                for batch in batches:
-                    state = _collect(state, batch, fan.inside(frame))
-            return state
+    return jax.lax.fori_loop(0, (place[-1] + tile - 1) // tile, turn, whole)
 
-        none = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), jax.eval_shape(all_batches))
-        return jax.lax.cond(jnp.all(known), lambda: none, all_batches)._replace(opened=(), closed=())
 
-    def resolved(given: Any) -> Parts:
-        state, known, seen = given
-        state = state._replace(opened=zero, closed=zero + 1)
-        like = jax.eval_shape(parts, state)
-        none = jnp.full(like.number.shape, -1, jnp.int32)
-        ends = jnp.zeros(like.start.shape, zero.dtype)
-        whole = Parts(
-            ends,
-            ends.at[0].set(jnp.where(seen == -1, 0, zero + 1)),
-            none,
-            none.at[0].set(seen),
-            none,
-            0 * ends[0] + 1,
-        )
-
-        def either(one: Array, other: Array) -> Array:
-            return jnp.where(jnp.broadcast_to(known, one.shape), one, other)
-
-        return jax.lax.cond(
-            jnp.all(known),
-            lambda: whole,
-            lambda: jax.tree.map(either, whole, parts(state)),
-        )
-
-    given = jax.tree.map(lambda a: a[order], ((fan, placed), known, bound))
-    state = map_tiles(collected, given, TILE)
-    found = map_tiles(resolved, (state, known[order], seen[order]), WIDE_TILE)
-    return jax.tree.map(lambda a: a[..., back], found)
+def listed(place: Array, size: int) -> Array:
+    """Return the numbers of what is at the places 0, 1, ... of a list, int32 (size,); -1 is not listed."""
+    where = jnp.where(place < 0, size, place)
+    return jnp.zeros(size, jnp.int32).at[where].set(jnp.arange(place.size, dtype=jnp.int32), mode="drop")
 
 
 def _covering(world: World, fan: Fan, number: Array) -> tuple[Array, Array]:
@@ -192,15 +184,15 @@ def _covering(world: World, fan: Fan, number: Array) -> tuple[Array, Array]:
     covers, bound = jnp.zeros_like(half, bool), jnp.full_like(half, jnp.inf)
     for here, of_kind in select_rows(world.batches(), number):
         edges, layers = outline(of_kind, EACH, fan)
-        least, most = edges.min(axis=0), edges.max(axis=0)
-        one_sign = ((least > 0) | (most < 0) | ((least == 0) & (most == 0))).all(axis=0)
+        least, most = folded(jnp.minimum, edges), folded(jnp.maximum, edges)
+        one_sign = folded(jnp.logical_and, (least > 0) | (most < 0) | ((least == 0) & (most == 0)))
         for layer in layers:
             sign = jnp.sign(value(layer.den, half))[None]
             den, num = (sign * a for a in (layer.den, layer.num))
-            smallest = den.min(axis=0)
-            root = layer.squared.max(axis=0) if layer.side > 0 else layer.squared.min(axis=0)
-            high = num.max(axis=0) + layer.side * jnp.sqrt(jnp.maximum(root, 0))
-            sure = here & one_sign & layer.present(half) & (smallest > 1e-3 * den.max(axis=0))
+            smallest = folded(jnp.minimum, den)
+            root = folded(jnp.maximum if layer.side > 0 else jnp.minimum, layer.squared)
+            high = folded(jnp.maximum, num) + layer.side * jnp.sqrt(jnp.maximum(root, 0))
+            sure = here & one_sign & layer.present(half) & (smallest > 1e-3 * folded(jnp.maximum, den))
             bound = jnp.where(sure, jnp.minimum(bound, high / jnp.where(sure, smallest, 1)), bound)
             covers = covers | sure
     return covers, bound * (1 + 64 * jnp.finfo(half.dtype).eps)
@@ -298,18 +290,22 @@ def bare(world: World) -> World:
 
 
 @jax.custom_jvp
-def attach(world: World, fan: Fan, t: Array, left: Array, right: Array) -> Array:
+def attach(world: World, fan: Fan, t: Array, left: Array, right: Array, across: Fan | None) -> Array:
     """Return ends of parts, (2, n), between the primitives ``left`` and ``right``, with their derivatives.
 
     At an end an edge of one of them crosses the ray, or their distances are equal: a function F(t) of the
-    world and the fan is 0. By the implicit function theorem the end moves by ``-dF / F'(t)``.
+    world and the fan is 0. By the implicit function theorem the end moves by ``-dF / F'(t)``. This is large
+    where the edge is almost parallel to the line. If half of the lines are at right angles to others, and
+    the fan changes by ``across`` to the side, derivatives of both are weighted by twice the squares of the
+    slopes of F along the line and across, divided by their sum: weights add up to 2 at each point of an
+    edge, and derivatives are bounded.
     """
     return t
 
 
 @attach.defjvp
 def _attach(primals: Any, tangents: Any) -> tuple[Array, Array]:
-    world, fan, t, left, right = primals
+    world, fan, t, left, right, across = primals
     sides = jnp.stack([left, right])
 
     def functions(world: World, fan: Fan, t: Array) -> Array:
@@ -320,10 +316,20 @@ def _attach(primals: Any, tangents: Any) -> tuple[Array, Array]:
     # Surfaces that share an edge meet there, too: the edge is known better.
     root = root.at[-1].multiply(4)
     chosen = jnp.argmin(root, axis=0)[None]
+
+    def of_chosen(a: Array) -> Array:
+        return jnp.take_along_axis(a, chosen, axis=0)[0]
+
     _, moved = jax.jvp(partial(functions, t=t), (world, fan), tangents[:2])
-    moved, slope = (jnp.take_along_axis(a, chosen, axis=0)[0] for a in (moved, slopes))
     inner = (t > 0) & (t < 1) & jnp.isfinite(root.min(axis=0))
-    return t, jnp.where(inner, -moved / jnp.where(inner, slope, 1), 0)
+    moved, slope = of_chosen(moved), jnp.where(inner, of_chosen(slopes), 1)
+    if across is not None:
+        _, beside = jax.jvp(lambda fan: functions(world, fan, t), (fan,), (across,))
+        side = of_chosen(beside)
+        size = jnp.maximum(abs(slope), abs(side))
+        slope, side = slope / size, side / size
+        return t, jnp.where(inner, -2 * slope / (slope * slope + side * side) * moved / size, 0)
+    return t, jnp.where(inner, -moved / slope, 0)
 
 
 def _functions(world: World, fan: Fan, t: Array, sides: Array) -> Array:

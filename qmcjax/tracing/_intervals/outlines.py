@@ -8,6 +8,7 @@ Polynomials on [0, 1] are in Bernstein form, with coefficients along the first a
 """
 
 from collections.abc import Callable
+from functools import reduce
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -69,7 +70,7 @@ def outline(shape: Shape, number: Any, fan: Fan) -> Outline:
 
     def present(t: Array) -> Array:
         values = [value(edge, t) for edge in jnp.moveaxis(linear, 1, 0)]
-        above, below = (jnp.stack([side * a > 0 for a in values]).all(axis=0) for side in (1, -1))
+        above, below = (reduce(jnp.logical_and, [side * a > 0 for a in values]) for side in (1, -1))
         inside = above | below
         return inside if flat.rim is None else inside & (value(flat.rim, t) > 0)
 
@@ -80,10 +81,18 @@ def outline(shape: Shape, number: Any, fan: Fan) -> Outline:
 def may_hit(shape: Shape, number: Any, fan: Fan) -> Array:
     """Return False where edges show that rays of a fan miss a primitive."""
     if isinstance(shape, Sphere | Cylinder):
-        return _round(shape, number, fan).edges[:, 0].max(axis=0) > 0
+        return folded(jnp.maximum, _round(shape, number, fan).edges[:, 0]) > 0
     edges = _flat(shape, number, fan).edges
-    least, most = edges.min(axis=0), edges.max(axis=0)
-    return ~((least > 0).any(axis=0) & (most < 0).any(axis=0))
+    least, most = folded(jnp.minimum, edges), folded(jnp.maximum, edges)
+    return ~(folded(jnp.logical_or, least > 0) & folded(jnp.logical_or, most < 0))
+
+
+def folded(operation: Callable[[Array, Array], Array], a: Array) -> Array:
+    """Reduce the first axis of an array, which is short.
+
+    XLA reduces what it has stacked ten times as slowly.
+    """
+    return reduce(operation, list(a))
 
 
 def value(a: Array, t: Array) -> Array:

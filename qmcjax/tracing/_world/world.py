@@ -216,14 +216,23 @@ class Camera:
         a, b = disc(u, v) if self.blades is None else _polygon(u, v, self.blades)
         return *self._through(view, a, b, time), time
 
-    def chord(self, x: Array, y: Array, time: Array, v: Array) -> tuple[Vector, Vector, Vector]:
+    def chord(
+        self, x: Array, y: Array, time: Array, aside: Array, upright: Array, moved: Array
+    ) -> tuple[Vector, Vector, Vector]:
         """Return the first and the last point of chords of the lens, and where their rays meet in focus.
 
-        Chords are horizontal: points uniform on them, for v uniform in [0, 1), are uniform on the lens.
+        Chords are horizontal or upright, and moved to the side by some of their lengths. Without that, points
+        uniform on them, for ``aside`` uniform in [0, 1), are uniform on the lens.
         """
         view = self.view(x, y)
-        half, height = _chord(v)
-        (first, seen), (last, _) = (self._through(view, a, height, time) for a in (-half, half))
+        half, height = _chord(aside)
+        height = height + 2 * half * moved
+
+        def end(a: Array) -> tuple[Vector, Vector]:
+            place = jnp.where(upright, height, a), jnp.where(upright, a, height)
+            return self._through(view, *place, time)
+
+        (first, seen), (last, _) = end(-half), end(half)
         return first, last, plus(first, times(view.focus, seen))
 
     def _through(self, view: View, a: Array, b: Array, time: Array) -> tuple[Vector, Vector]:

@@ -7,10 +7,8 @@ derivative of the measure is that of this pair, box or ball; at ties that of one
 from __future__ import annotations
 
 import math
-import os
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from typing import Any
 
@@ -39,13 +37,6 @@ def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:  # No writable folder for it.
         return numba.njit(**options)(function)
-
-
-def threads() -> ThreadPoolExecutor:
-    """Return threads, one for each core that the process may use."""
-    return ThreadPoolExecutor(
-        len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    )
 
 
 Floats = NDArray[np.float64]

@@ -15,10 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from analysis import _arguments
 from analysis._discrepancy.critical_grid import LocalDiscrepancy, attained_by_box, critical_grid
-from analysis._discrepancy.plane import many_star_discrepancy, plane_star_discrepancy
+from analysis._discrepancy.plane import plane_star_discrepancy
 from analysis._discrepancy.regions import refine
-from analysis._discrepancy.space import space_star_discrepancy
-from analysis._host import COMPILED, call_back
+from analysis._host import call_back
 from qmcjax.core import checks
 
 _REGIONS = 2**22
@@ -26,12 +25,6 @@ _REGIONS = 2**22
 
 _COMPARISONS = 2**35
 """The same limit for large sets: regions times points times dimensions."""
-
-_TILED = range(256, 2**16 + 1)
-"""Numbers of points in space for which tiles are faster, and fit the memory."""
-
-_MANY = 2**17
-"""Number of points in the plane from which on compiled loops are faster, including their compilation."""
 
 
 def star_discrepancy(points: ArrayLike) -> float:
@@ -61,15 +54,13 @@ def star_discrepancy(points: ArrayLike) -> float:
     Notes
     -----
     One dimension takes O(n log n) steps. Two dimensions take O(n) memory and O(n^1.5) steps, or up to O(n^2)
-    if many boxes come close to the largest difference; from 2^17 points on, all cores are used if Numba is
-    installed, with three times the memory of float64 points. Three dimensions take O(n^1.5) memory and
-    O(n^2.5) steps in the same case, for up to 2^16 points.
+    if many boxes come close to the largest difference: about 3 s for 2^17 points, 80 s for 2^20.
 
     From three dimensions on, regions of boxes are bounded and halved until the largest difference is certain;
     [1]_ surveys other algorithms. No useful bound on the number of regions is known: it grows with the
     dimension and with the quality of the points. The search gives up after 2^22 regions, or 2^35 / (n d) if
-    that is less. It is feasible for the first n Sobol' points with n = 4096 in 4 dimensions, 2048 in 5, 512
-    in 6, 128 in 8 and 64 in 12, and for larger sets of less well distributed points.
+    that is less. It is feasible for the first n Sobol' points with n = 16384 in 3 dimensions, 4096 in 4,
+    2048 in 5, 512 in 6, 128 in 8 and 64 in 12, and for larger sets of less well distributed points.
 
     References
     ----------
@@ -87,9 +78,7 @@ def star_discrepancy(points: ArrayLike) -> float:
         return call_back(
             star_discrepancy, lambda known: attained_by_box(known, worst_box(known)), given, (), dims
         )
-    array = given.astype(np.float64, copy=False)
-    many = array.shape[1] == 2 and len(array) >= _MANY and COMPILED
-    return many_star_discrepancy(array) if many else float(worst_box(array))
+    return float(worst_box(given))
 
 
 def worst_box(points: NDArray[Any]) -> LocalDiscrepancy:
@@ -102,14 +91,7 @@ def worst_box(points: NDArray[Any]) -> LocalDiscrepancy:
         return plane_star_discrepancy(array)
     grid = critical_grid(array)
     regions = max(1, min(_REGIONS, _COMPARISONS // (n * dims)))
-    lower, upper = 0.0, 1.0
-    if dims == 3 and n in _TILED:
-        # Badly distributed points need no tiles.
-        lower, upper = refine(grid, lower, n // 16)
-        if lower < upper:
-            lower, upper = space_star_discrepancy(array, lower)
-    if lower < upper:
-        lower, upper = refine(grid, lower, regions)
+    lower, upper = refine(grid, 0.0, regions)
     if lower < upper:
         raise ValueError(
             f"points: the star discrepancy of n={n} points in d={dims} dimensions is infeasible, it is only "

@@ -21,15 +21,11 @@ from tables import few, slow, slow_cases
 
 import analysis
 from analysis import star_discrepancy, star_discrepancy_bounds
-from analysis._discrepancy import bounds, kernels, plane, space
+from analysis._discrepancy import kernels
 from analysis._discrepancy import star_discrepancy as _star_discrepancy
-from analysis._discrepancy import star_discrepancy as exact_star
-from analysis._discrepancy.bounds import cell_bounds
 from analysis._discrepancy.critical_grid import critical_grid, local_discrepancy, rounding
 from analysis._discrepancy.l2_discrepancy import value_and_gradient
-from analysis._discrepancy.plane import many_star_discrepancy, plane_star_discrepancy
 from analysis._discrepancy.regions import climb, refine, region_bounds
-from analysis._discrepancy.space import space_star_discrepancy
 from qmcjax import sequences
 
 BELOW_ONE = 1 - 2.0**-53
@@ -61,7 +57,7 @@ def of_all_boxes(points):
 
 
 def check_star(points, *searches):
-    """Compare the value, bounds wherever a search stops, and tiles in space with all boxes."""
+    """Compare the value, and bounds wherever a search stops, with all boxes."""
     exact, dims = of_all_boxes(points), points.shape[1]
     measured = star_discrepancy(points)
     assert type(measured) is float and abs(measured - exact) <= 2**-51
@@ -70,9 +66,6 @@ def check_star(points, *searches):
     for regions in searches if dims < 5 else ():
         lower, upper = refine(critical_grid(points), 0.0, regions)
         assert lower - rounding(dims) <= exact <= upper + rounding(dims)
-    if dims == 3:
-        assert space_star_discrepancy(points, 0.0) == approx((exact, exact), abs=1e-15)
-        assert space_star_discrepancy(points, 0.99) == approx((max(exact, 0.99),) * 2, abs=1e-15)
 
 
 SIDES = st.sampled_from([1, 2, 3, 7, 16, 1000, 2**32])
@@ -105,7 +98,6 @@ def larger_sets(n, dims):
 @pytest.mark.parametrize(
     "size",
     [
-        # 64 points in space leave one row to the last tiles.
         *((1, 500), (2, 16), (2, 63), (2, 700), (3, 2), (3, 40), (3, 63), (3, 64), (4, 16), (6, 5)),
         *slow((2, 1000), (2, 2047), (2, 2048), (3, 200), (4, 40), (5, 18), (6, 10)),
     ],
@@ -243,28 +235,6 @@ def test_infeasible(monkeypatch):
         star_discrepancy(points)
     lower, upper = (float(x) for x in str(e.value).split("[")[1].split("]")[0].split(","))
     assert lower <= exact + 1e-6 and exact - 1e-6 <= upper
-
-
-def test_tiles_in_space(monkeypatch):
-    """What regions give, and bounds if they are given up; no box exceeds its tile's bound, or its layer's."""
-    for n in (40, 130, 300):
-        for points in larger_sets(n, 3):
-            tiling, n = space._tiling(points), len(points)
-            bounds = space._bounds(tiling)[1]
-            for x, y, z in np.random.default_rng(n).integers(0, len(tiling.edges) - 1, (5, 3)).tolist():
-                first = bounds.first[:, z, x, y] / n
-                # With no value to beat, no layer is left out.
-                value, layers = space._evaluate(tiling, (x, y, z), first, -2.0)
-                assert layers == tiling.side and value <= bounds.tile[z, x, y] / n + space._MARGIN
-                assert space._evaluate(tiling, (x, y, z), first, value - 2.0**-50)[0] == value
-    for points in (on_grid("random", 3, 300, 2**40) / 2**40, sobol(3, 300)):
-        lower, upper = refine(critical_grid(points), 0.0, 10**5)
-        assert lower == upper == star_discrepancy(points)
-        assert space_star_discrepancy(points, 0.0) == (lower, lower)
-    monkeypatch.setattr(space, "_BOXES", -1)
-    given_up = space_star_discrepancy(points, 0.0)
-    assert 0.7 * lower < given_up[0] < lower < given_up[1] < 1.5 * lower
-    assert star_discrepancy(points) == lower
 
 
 # L2 discrepancies
@@ -478,91 +448,13 @@ def test_double_double():
         assert sum(Fraction(float(part)) for part in both) == sum(Fraction(float(v)) for v in x)
 
 
-RANDOM = np.random.default_rng(17)
-
-
-def points_of_sobol(dims, n):
-    return np.asarray(sequences.sobol(dims).points(n)).astype(np.float64)
-
-
-def plane_sets(n):
-    """Return points that are random, in a net, on a lattice with near ties, and on few coordinates."""
-    k = np.arange(n)
-    return {
-        "random": RANDOM.random((n, 2)), "net": points_of_sobol(2, n),
-        "lattice": np.stack([k / n, (k * 0.6180339887) % 1], axis=1),
-        "equal coordinates": RANDOM.integers(0, 7, (n, 2)) / 7, "a corner": RANDOM.random((n, 2)) * 2.0**-40,
-    }  # fmt: skip
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("n", [1, 2, 7, 64, 100, 1000, 4097])
-def test_compiled_stripes_find_the_same_value_to_the_last_bit(n, monkeypatch):
-    for stripe in (16, 3):
-        monkeypatch.setattr(plane, "_STRIPE", stripe)
-        for name, points in plane_sets(n).items():
-            assert many_star_discrepancy(points) == plane_star_discrepancy(points), (name, stripe)
-
-
-@pytest.mark.slow
-def test_many_points_in_the_plane_take_the_compiled_way(monkeypatch):
-    points = points_of_sobol(2, 2**12)
-    plain = analysis.star_discrepancy(points)
-    monkeypatch.setattr(exact_star, "_MANY", 2**12)
-    monkeypatch.setattr(exact_star, "plane_star_discrepancy", pytest.fail)
-    assert analysis.star_discrepancy(points) == plain
-    lower, upper = analysis.star_discrepancy_bounds(points.astype(np.float32))
-    assert lower <= plain <= upper < lower + 2**-46
-    monkeypatch.undo()
-    monkeypatch.setattr(exact_star, "_MANY", 2**12)
-    monkeypatch.setattr(exact_star, "COMPILED", False)
-    monkeypatch.setattr(exact_star, "many_star_discrepancy", pytest.fail)
-    assert analysis.star_discrepancy(points) == plain
-
-
-@pytest.mark.parametrize("dims", [1, 2, 3])
-@pytest.mark.parametrize("count", [30, 400])
-def test_counts_in_cells_bound_the_star_discrepancy(dims, count, monkeypatch):
-    """Also where points lie on the edges of cells; the bounds are at most the sides of a cell apart."""
-    monkeypatch.setattr(bounds, "_CELLS", count)
-    side = bounds._prime(int(count ** (1 / dims)))
-    for n in (1, 40):
-        for points in (RANDOM.random((n, dims)), RANDOM.integers(0, side, (n, dims)) / side):
-            lower, upper = cell_bounds(points)
-            exact = analysis.star_discrepancy(points)
-            assert lower - 1e-15 <= exact <= upper + 1e-15
-            inside = np.prod((points[:, None, :] < np.full(dims, 1 / side)), axis=2).mean()
-            assert lower >= abs(inside - side**-dims) - 1e-15, "the first cell is one of the boxes"
-
-
-def test_cells_have_as_many_points_as_there_are(monkeypatch):
-    """In blocks of any size: the bounds are those of one block."""
-    monkeypatch.setattr(bounds, "_CELLS", 1000)
-    points = RANDOM.random((500, 3))
-    whole = cell_bounds(points)
-    monkeypatch.setattr(bounds, "_BLOCK", 7)
-    assert cell_bounds(points) == whole
-    monkeypatch.setattr(bounds, "_MANY", 499)
-    lower, upper = analysis.star_discrepancy_bounds(points)
-    assert (lower, upper) == pytest.approx(whole, abs=1e-14) and lower < whole[0] and upper > whole[1]
-
-
-LARGE = [(analysis.min_distance, dims, 20) for dims in (2, 3)]
-LARGE += [(analysis.star_discrepancy, 2, 18), (analysis.star_discrepancy_bounds, 3, 21)]
-
-
-@pytest.mark.parametrize(
-    "measure, dims, m",
-    [*((analysis.min_distance, dims, 15) for dims in (2, 3)), *slow_cases(*LARGE)],
-)
-def test_measures_of_many_points_take_three_times_their_memory_and_leave_them_alone(measure, dims, m):
+@pytest.mark.parametrize("dims, m", [(2, 15), (3, 15), *slow_cases((2, 20), (3, 20))])
+def test_distances_of_many_points_take_three_times_their_memory_and_leave_them_alone(dims, m):
     """As NumPy counts."""
-    points = points_of_sobol(dims, 2**m)
+    points = sobol(dims, 2**m)
     before = points.copy()
-    if measure is analysis.star_discrepancy:
-        measure(points[: 2**17])  # compiles
     tracemalloc.start()
-    measure(points)
+    analysis.min_distance(points)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 3 * points.nbytes and (points == before).all()

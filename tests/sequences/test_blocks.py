@@ -10,7 +10,6 @@ from sampler_tables import owen, shifted
 from tables import Table, slow, some
 
 from qmcjax import sequences
-from qmcjax.sequences._protocol import base
 
 pytestmark = pytest.mark.usefixtures("least_optimized")
 
@@ -111,46 +110,3 @@ def test_tables_give_the_points_of_the_indices(sequence):
 def test_the_last_block_may_end_beyond_the_last_index():
     index = np.arange(2**32 - 5120, 2**32 - 7, dtype=np.uint32)
     assert np.array_equal(sequences.sobol(2).points(5113, 2**32 - 5120), sequences.sobol(2)(index))
-
-
-@pytest.fixture
-def small_pieces(monkeypatch):
-    monkeypatch.delenv("GLIBC_TUNABLES", raising=False)
-    monkeypatch.setattr(base, "_LARGE", 2**10)
-    monkeypatch.setattr(base, "_CHUNK", 2**16)
-
-
-@pytest.mark.parametrize("name, dtype", [("sobol(9)", jnp.float32), ("halton(2)", jnp.float64)])
-def test_pieces_give_the_points_of_the_indices(small_pieces, name, dtype):
-    sequence = LARGE[name]
-    index = np.arange(256, 256 + 10001, dtype=np.uint32)
-    points = sequence.points(10001, 256, dtype)
-    assert isinstance(points, jax.Array) and points.dtype == dtype
-    with jax.enable_x64(dtype == jnp.float64):
-        assert np.array_equal(points, sequence(index, dtype=dtype))
-
-
-def test_pieces_are_not_copied_again(small_pieces):
-    made = []
-
-    def make(first, count):
-        made.append((first, count))
-        return jnp.full((count, 2), first, jnp.float32)
-
-    rows = base.materialize(make, 20000, 2, jnp.float32)
-    assert made == [(0, 8192), (8192, 8192), (16384, 3616)]
-    assert np.array_equal(np.unique(np.asarray(rows)), [0, 8192, 16384])
-    assert rows.unsafe_buffer_pointer() % 64 == 0
-
-
-def test_pieces_are_not_made_inside_a_program(small_pieces):
-    sequence = LARGE["sobol(9)"]
-    inside = jax.jit(lambda: sequence.points(10001))()
-    assert np.array_equal(inside, sequence.points(10001))
-
-
-def test_the_environment_decides(small_pieces, monkeypatch):
-    monkeypatch.setenv("GLIBC_TUNABLES", "glibc.malloc.check=1:glibc.malloc.hugetlb=1")
-    calls = []
-    base.materialize(lambda first, count: calls.append(count) or jnp.zeros((count, 2)), 20000, 2, jnp.float32)
-    assert calls == [20000]

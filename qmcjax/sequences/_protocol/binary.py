@@ -14,7 +14,7 @@ from jax.typing import ArrayLike, DTypeLike
 from qmcjax.core import checks
 from qmcjax.core.bits import reverse, to_unit
 from qmcjax.core.pytrees import frozen_pytree
-from qmcjax.sequences._protocol.base import FEW, ROWS, Sequence
+from qmcjax.sequences._protocol.base import FEW, Sequence
 
 Map = Callable[[Array], Array]
 
@@ -84,6 +84,9 @@ class Blocks:
 
 _BLOCKS_FROM = 4096
 """Number of points above which tables of blocks pay off."""
+
+_ROWS = 256
+"""Number of points in a block."""
 
 _LANES = 16
 """Words of a vector register."""
@@ -216,15 +219,11 @@ class BinarySequence(Sequence):
         points = self.of_linear(blocks.points(beside), tuple(range(self.dims)) * beside)
         return to_unit(points.word(), dtype).reshape(-1, self.dims)
 
-    def _maker(self, start: int, n: int, dtype: DTypeLike) -> Callable[[int, int], Array]:
+    def _made(self, start: int, n: int, dtype: DTypeLike) -> Array:
         blocks = None
-        if n >= _BLOCKS_FROM and start % ROWS == 0:
-            blocks = self.blocks(jax.device_put(np.uint32(start)), -(-n // ROWS), ROWS)
-        if blocks is None:
-            return super()._maker(start, n, dtype)
-        return lambda first, count: _blockwise(
-            self, blocks, jax.device_put(np.uint32(first // ROWS)), count, dtype
-        )
+        if n >= _BLOCKS_FROM and start % _ROWS == 0:
+            blocks = self.blocks(jax.device_put(np.uint32(start)), -(-n // _ROWS), _ROWS)
+        return super()._made(start, n, dtype) if blocks is None else _blockwise(self, blocks, n, dtype)
 
     def inverted(self, log_side: int) -> Any:
         """Return an object that finds points from their cells in a raster of ``2**log_side`` cells per side.
@@ -290,8 +289,8 @@ def _blocks(linear: BinarySequence, start: Array, count: int, rows: int) -> Bloc
 
 
 @partial(jax.jit, static_argnames=("n", "dtype"))
-def _blockwise(sequence: BinarySequence, blocks: Blocks, first: Array, n: int, dtype: DTypeLike) -> Array:
-    return sequence.points_of_blocks(blocks.part(first, -(-n // ROWS)), dtype)[:n]
+def _blockwise(sequence: BinarySequence, blocks: Blocks, n: int, dtype: DTypeLike) -> Array:
+    return sequence.points_of_blocks(blocks, dtype)[:n]
 
 
 def as_binary(name: str, value: Any) -> BinarySequence:

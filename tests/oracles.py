@@ -8,6 +8,18 @@ import numpy as np
 from qmcjax.core.plug_ins import unwrap
 
 
+def rank(rows):
+    """Return the rank of a matrix over F2, whose rows are integers or sequences of digits."""
+    pivots = {}
+    for row in rows:
+        row = row if isinstance(row, int) else int("".join(str(int(digit)) for digit in row), 2)
+        while row and (top := row.bit_length()) in pivots:
+            row ^= pivots[top]
+        if row:
+            pivots[top] = row
+    return len(pivots)
+
+
 def dot(a, b):
     return np.sum(a * b, axis=-1)
 

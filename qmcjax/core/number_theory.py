@@ -1,6 +1,6 @@
 """Exact integers before tracing: matrices and polynomials over F_q, shortest vectors, Thue-Morse words.
 
-``q`` is a prime below 2**16. Entries of matrices are integers, taken modulo ``q``; results are int64 arrays.
+``q`` is a prime below 2**16.
 
 The points i (1, a, ...) / n modulo 1, times n, are the integer lattice that (1, a, ...) spans together
 with n times the unit vectors: its shortest vector is their minimum distance. Signs and, in three
@@ -52,94 +52,25 @@ def prime(name: str, value: Any, low: int = 2, high: int = FIELD_LIMIT - 1) -> i
     return number
 
 
-def product(a: np.ndarray, b: np.ndarray, q: int) -> np.ndarray:
-    """Multiply matrices over F_q.
-
-    ``a``, ``b``: shape (..., m, m).
+def inverse(matrix: NDArray[Any], q: int) -> NDArray[np.int64]:
+    """Invert a square matrix over F_q, whose entries are in [0, q); a singular one raises a ValueError.
 
     Examples
     --------
-    >>> product([[1, 2], [0, 1]], [[1, 2], [0, 1]], q=3)
-    array([[1, 1],
-           [0, 1]])
-    """
-    q = prime("q", q)
-    a, b = _square("a", a, q), _square("b", b, q)
-    if a.shape[-1] != b.shape[-1]:
-        raise ValueError(f"a and b must be of the same size, got shapes {a.shape} and {b.shape}")
-    return a @ b % q
-
-
-def rank(matrix: np.ndarray, q: int) -> int:
-    """Return the rank of a matrix over F_q.
-
-    ``matrix``: shape (m, n).
-
-    Examples
-    --------
-    >>> rank([[1, 2], [2, 1]], q=3), rank([[1, 2], [2, 1]], q=5)
-    (1, 2)
-    """
-    q = prime("q", q)
-    elements = _elements("matrix", matrix, q)
-    if elements.ndim != 2:
-        raise ValueError(f"matrix must have two axes, got shape {elements.shape}")
-    return _reduced(elements, elements.shape[1], q)[1]
-
-
-def inverse(matrix: np.ndarray, q: int) -> np.ndarray:
-    """Invert a square matrix over F_q; a singular one raises a ValueError.
-
-    ``matrix``: shape (m, m).
-
-    Examples
-    --------
-    >>> inverse([[1, 1], [0, 2]], q=3)
+    >>> inverse(np.array([[1, 1], [0, 2]]), q=3)
     array([[1, 1],
            [0, 2]])
     """
-    q = prime("q", q)
-    elements = _square("matrix", matrix, q)
-    if elements.ndim != 2:
-        raise ValueError(f"matrix must have two axes, got shape {elements.shape}")
-    m = len(elements)
-    reduced, pivots = _reduced(np.hstack([elements, np.eye(m, dtype=np.int64)]), m, q)
-    if pivots < m:
-        raise ValueError(f"matrix must be invertible over F_{q}, got rank {pivots} of {m}")
-    return reduced[:, m:]
-
-
-def _elements(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
-    array = np.asarray(matrix)
-    if array.dtype.kind not in "iu":
-        raise ValueError(f"{name} must contain integers, got {array.dtype}")
-    # In at least 32 bits: q may exceed the range of narrower integers.
-    return (array.astype(np.result_type(array, np.uint32)) % q).astype(np.int64)
-
-
-def _square(name: str, matrix: np.ndarray, q: int) -> np.ndarray:
-    array = _elements(name, matrix, q)
-    if array.ndim < 2 or array.shape[-1] != array.shape[-2]:
-        raise ValueError(f"{name} must be square, got shape {array.shape}")
-    return array
-
-
-def _reduced(matrix: np.ndarray, columns: int, q: int) -> tuple[np.ndarray, int]:
-    """Return the row echelon form with respect to the first columns, and the number of its pivots."""
-    matrix = matrix.copy()
-    pivots = 0
-    for column in range(columns):
-        candidates = np.flatnonzero(matrix[pivots:, column])
-        if not len(candidates):
-            continue
-        row = pivots + candidates[0]
-        matrix[[pivots, row]] = matrix[[row, pivots]]
-        matrix[pivots] = matrix[pivots] * pow(int(matrix[pivots, column]), -1, q) % q
-        factors = matrix[:, column].copy()
-        factors[pivots] = 0
-        matrix = (matrix - factors[:, None] * matrix[pivots]) % q
-        pivots += 1
-    return matrix, pivots
+    m = len(matrix)
+    rows = np.hstack([matrix.astype(np.int64), np.eye(m, dtype=np.int64)])
+    for k in range(m):
+        pivot = k + np.argmax(rows[k:, k] != 0)
+        rows[[k, pivot]] = rows[[pivot, k]]
+        rows[k] = rows[k] * pow(int(rows[k, k]), -1, q) % q
+        factors = rows[:, k].copy()
+        factors[k] = 0
+        rows = (rows - factors[:, None] * rows[k]) % q
+    return rows[:, m:]
 
 
 def shortest_squares(n: int, a: NDArray[np.int64]) -> NDArray[np.int64]:

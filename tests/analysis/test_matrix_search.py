@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rank
 from refusals import refused
 from tables import again, closest_square, few, first, slow
 
@@ -15,7 +16,6 @@ import analysis._searches.matrix_search as module
 from analysis import search_matrices, squared_min_distance
 from analysis.tables import SEQUENCES, large_distances
 from qmcjax import samplers, sequences
-from qmcjax.core import number_theory
 
 PRINTED = 0.01342385
 """Distance of the thesis's (0,13,3)-net, Fig. 5.9."""
@@ -37,7 +37,7 @@ def is_02_sequence(matrices: np.ndarray) -> bool:
     """Theorem 1, by rank: the first d and k - d rows of the leading k x k parts are independent."""
     parts = product(range(1, matrices.shape[1] + 1), range(matrices.shape[1] + 1))
     tops = [(np.concatenate([matrices[0][:d, :k], matrices[1][: k - d, :k]]), k) for k, d in parts if d <= k]
-    return all(number_theory.rank(top, 2) == k for top, k in tops)
+    return all(rank(top) == k for top, k in tops)
 
 
 def multiplied(matrices: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def multiplied(matrices: np.ndarray) -> np.ndarray:
 def test_all_02_sequences_are_searched_and_nothing_else():
     """Of all pairs of 3 x 3 matrices, those that are (0,2)-sequences are L_1 U, L_2 P U."""
     every = np.array(list(product((0, 1), repeat=9)), np.uint8).reshape(-1, 3, 3)
-    regular = [a for a in every if all(number_theory.rank(a[:k, :k], 2) == k for k in (1, 2, 3))]
+    regular = [a for a in every if all(rank(a[:k, :k]) == k for k in (1, 2, 3))]
     pairs = {np.stack([a, b]).tobytes() for a in regular for b in regular if is_02_sequence(np.stack([a, b]))}
     lower = np.tile(np.eye(3, dtype=np.uint8), (8, 1, 1))
     lower[:, [1, 2, 2], [0, 0, 1]] = list(product((0, 1), repeat=3))

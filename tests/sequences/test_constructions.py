@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rank
 from tables import few, first, slow
 
 import analysis
@@ -14,7 +15,6 @@ from analysis import t_value
 from analysis.tables import SEQUENCES, function_fields, quadruples, sobol_components
 from analysis.tables import niederreiter_xing as make
 from qmcjax import sequences
-from qmcjax.core import number_theory
 from qmcjax.sequences._digital.constructions import _nim_product, _sz_matrix
 
 QUADRUPLES = sequences.quad_optimized(32)
@@ -146,7 +146,7 @@ def test_the_search_finds_pairs():
 def leading_rank(shape: dict[int, int], size: int) -> int:
     """Return the rank of some first rows of components, in their first columns."""
     rows = [_sz_matrix(component)[:count, :size] for component, count in shape.items()]
-    return number_theory.rank(np.concatenate(rows), 2)
+    return rank(np.concatenate(rows))
 
 
 @pytest.mark.parametrize("bits", [1, 2, 4, 8])

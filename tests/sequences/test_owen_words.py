@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from oracles import rank
 from tables import slow
 
 from qmcjax import sequences
@@ -168,17 +169,6 @@ def flips(prefix, depth):
         sums.append(sum(1 << (32 * u + k - i) for i, u in enumerate(on_the_way)))
         symbol = CHILDREN[symbol][prefix >> k & 1]
     return sums
-
-
-def rank(rows):
-    """Return the rank of a matrix over F2, whose rows are integers."""
-    pivots = {}
-    for row in rows:
-        while row and (top := row.bit_length()) in pivots:
-            row ^= pivots[top]
-        if row:
-            pivots[top] = row
-    return len(pivots)
 
 
 @pytest.mark.parametrize("digits", [4, *slow(8)])

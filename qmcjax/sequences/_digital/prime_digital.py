@@ -221,8 +221,7 @@ def renumbered(
     the upper left block of a product with the product of the upper left blocks, which holds for such D only.
     With other D the first q**m points are a net, but fewer may not be.
     """
-    change = number_theory.product(number_theory.inverse(matrices[component], q), replacement, q)
-    return number_theory.product(matrices, change, q)
+    return matrices @ (number_theory.inverse(matrices[component], q) @ replacement % q) % q
 
 
 QUAD_DIMS = 32

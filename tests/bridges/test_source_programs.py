@@ -226,7 +226,7 @@ def changed(jaxpr, change, close):
         name = change(equation.primitive.name, params)
         primitive = SimpleNamespace(name=name, multiple_results=equation.primitive.multiple_results)
         primitive.bind = partial(_bound, equation)
-        known = {each: getattr(equation, each) for each in ("invars", "outvars", "source_info")}
+        known = {each: getattr(equation, each) for each in ("invars", "outvars", "source_info", "ctx")}
         equations.append(SimpleNamespace(primitive=primitive, params=params, **known))
     known = {each: getattr(inner, each) for each in ("constvars", "invars", "outvars")}
     made = SimpleNamespace(eqns=equations, **known)

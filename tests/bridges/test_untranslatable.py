@@ -131,6 +131,11 @@ def of_other_keys(x, y, sample):
     return jax.random.uniform(jax.random.fold_in(key, x), (2,))  # here
 
 
+def of_other_words(x, y, sample):
+    with jax.threefry_partitionable(False):
+        return jax.random.uniform(jax.random.fold_in(jax.random.key(3), x), (2,))  # here
+
+
 def of_many_values(x, y, sample):
     many = x + jnp.arange(5000, dtype=jnp.uint32)  # here
     return many[:2].astype(jnp.float32)
@@ -153,6 +158,7 @@ WORDS = {
     sorts_as_well: "'sort' (sort constants with NumPy",
     own_function: "'argmax' (sort constants with NumPy",
     of_other_keys: "use the generator threefry2x32",
+    of_other_words: "'random_bits' (without jax_threefry_partitionable)",
     of_many_values: "more than 4096 values",
     stacks_in_a_loop: "a loop that stacks 2000 results",
 }
@@ -169,6 +175,13 @@ def test_untranslatable_samplers_are_told_their_line(function):
     said = str(raised.value)
     assert said.startswith("sampler ") and WORDS[function] in said, said
     assert f"at {__file__}:{at_fault} ({function.__name__})" in said, said
+
+
+def test_flags_of_the_caller_change_no_words():
+    sampler = samplers.randomized(lambda key: samplers.independent(sequences.sobol(2), key), 0, 4)
+    before = source(sampler)
+    with jax.threefry_partitionable(False):
+        assert source(sampler) == before
 
 
 def wide_sine(x, y, sample):

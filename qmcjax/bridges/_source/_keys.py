@@ -37,25 +37,14 @@ def _hash(reader: Reader, keys: Entries, high: Entries, low: Entries) -> Entries
     return made
 
 
-def _partitionable() -> bool:
-    config: Any = jax.config
-    return config.jax_threefry_partitionable
-
-
 def _blocks(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
     """Return two words for each counter of a shape."""
+    config: Any = jax.config
+    if not config.jax_threefry_partitionable:
+        raise Untranslatable("without jax_threefry_partitionable")
     counters = np.arange(np.prod(shape, dtype=int), dtype=np.uint64).reshape(shape)
     keys = keys.reshape(*keys.shape, *(1 for _ in shape))
     return _hash(reader, keys, (counters >> np.uint64(32)).astype(np.uint32), counters.astype(np.uint32))
-
-
-def _halves(reader: Reader, keys: Entries, shape: tuple[int, ...]) -> Entries:
-    """Return words of a shape if ``jax_threefry_partitionable`` is off: halves of the counters make pairs."""
-    count = int(np.prod(shape))
-    counters = np.arange(count + count % 2, dtype=np.uint32)
-    counters[count:] = 0
-    made = _hash(reader, keys[..., None], *np.split(counters, 2))
-    return np.concatenate(list(made), -1)[..., :count].reshape(*keys.shape, *shape)
 
 
 def _encrypt(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
@@ -74,10 +63,7 @@ def _bits(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[
     width, out = equation.params["bit_width"], equation.made[0]
     if width != 32:
         raise Untranslatable(f"random words of {width} bits")
-    shape = out.shape[given[0].ndim :]
-    if not _partitionable():
-        return [_halves(reader, given[0], shape)]
-    made = _blocks(reader, given[0], shape)
+    made = _blocks(reader, given[0], out.shape[given[0].ndim :])
     return [reader.map(operator.xor, out.dtype, *made)]
 
 
@@ -90,8 +76,6 @@ def _fold_in(reader: Reader, equation: Equation, given: list[Entries]) -> Sequen
 def _split(reader: Reader, equation: Equation, given: list[Entries]) -> Sequence[Entries]:
     _implementation(equation.given[0].dtype)
     shape = equation.made[0].shape[given[0].ndim :]
-    if not _partitionable():
-        return [as_keys(_halves(reader, given[0], (*shape, 2)))]
     return [as_keys(np.moveaxis(_blocks(reader, given[0], shape), 0, -1))]
 
 

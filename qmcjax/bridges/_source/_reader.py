@@ -114,7 +114,8 @@ class Reader:
         found.update(zip(jaxpr.constvars, constants, strict=True))
         found.update(zip(jaxpr.invars, arguments, strict=True))
         for equation in jaxpr.eqns:
-            results = self._equation(equation, [value(atom) for atom in equation.invars])
+            with equation.ctx.manager:  # The flags of JAX that it was traced with.
+                results = self._equation(equation, [value(atom) for atom in equation.invars])
             found.update(zip(equation.outvars, results, strict=True))
         return [value(atom) for atom in jaxpr.outvars]
 

@@ -148,12 +148,5 @@ def best_arrangement(
 
 def _splits(part: int) -> NDArray[np.int64]:
     """Return the proper subsets of a subset that contain its lowest bit."""
-    lowest = part & -part
-    rest = part ^ lowest
-    found, some = [], (rest - 1) & rest
-    while rest:
-        found.append(some | lowest)
-        if some == 0:
-            break
-        some = (some - 1) & rest
-    return np.array(found, np.int64)
+    parts = np.arange(part - 1, 0, -1)
+    return parts[(parts & part == parts) & (parts & part & -part != 0)]

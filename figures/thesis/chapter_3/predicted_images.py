@@ -107,21 +107,30 @@ class Predicted(NamedTuple):
     samples: NDArray[np.int32]
     """(n, height, width): samples per pixel; pixels with fewer than ``fail`` are predicted."""
     steps: tuple[Step, ...]
+    ends: "dict[int, DeepImage]"
+    """The first and the last image."""
 
 
 def predict(
-    scene: tracing.DirectLight, side: int, samples: tuple[int, ...], fail: int, key: int, contrast: float
+    scene: tracing.DirectLight,
+    side: int,
+    samples: tuple[int, ...],
+    fail: int,
+    key: int,
+    contrast: float,
+    ends: "dict[int, DeepImage] | None" = None,
 ) -> Predicted:
     """Render a shutter of 2^m + 1 intervals, and predict most of their images.
 
     ``samples`` of each pixel check the predictions of each level: p fails if abs(p - e) > contrast (p + e) in
-    a colour, with the mean e of the samples. A pixel without a prediction gets ``fail`` samples.
+    a colour, with the mean e of the samples. A pixel without a prediction gets ``fail`` samples. ``ends`` are
+    those of another prediction with the same ``fail`` and ``key``.
     """
     count = side * side
     render = Renderer(scene, side, 2 ** len(samples) + 1, jax.random.key(key, impl="threefry2x32"))
     steps = recursion(len(samples))
-    known = {end: render.sample(end, np.arange(count), fail, 0) for end in (0, render.intervals - 1)}
-    taken = {end: np.full(count, fail, np.int32) for end in known}
+    ends = ends or {end: render.sample(end, np.arange(count), fail, 0) for end in (0, render.intervals - 1)}
+    known, taken = dict(ends), {end: np.full(count, fail, np.int32) for end in ends}
     for step in steps:
         predicted, covered = render.predict(known[step.left], known[step.right], step)
         known[step.middle], taken[step.middle] = render.correct(
@@ -129,7 +138,7 @@ def predict(
         )
     images = np.stack([known[k].color.reshape(side, side, 3) for k in range(render.intervals)])
     of_all = np.stack([taken[k].reshape(side, side) for k in range(render.intervals)])
-    return Predicted(images.mean(axis=0, dtype=np.float64).astype(np.float32), images, of_all, steps)
+    return Predicted(images.mean(axis=0, dtype=np.float64).astype(np.float32), images, of_all, steps, ends)
 
 
 def recursion(levels: int) -> tuple[Step, ...]:
@@ -175,9 +184,9 @@ class Renderer(NamedTuple):
             some = rows[start : start + block]
             wide = np.resize(some, block)
             place = np.stack([wide % self.side, wide // self.side, np.full_like(wide, interval)])
-            of_rows = _sample_rows(
-                self.scene, jnp.asarray(place.astype(np.float32)), size, jax.random.fold_in(key, number)
-            )
+            drawn = jax.random.fold_in(key, number)
+            points = _points(jnp.asarray(place.astype(np.float32)), size, drawn, self.scene.needs)
+            of_rows = points, *what_is_hit(self.scene, points)
             parts.append([np.asarray(a)[: len(some)] for a in of_rows])
         points, *hits = (np.concatenate(column) for column in zip(*parts, strict=True))
         whole = DeepImage(scene_images.evaluate(self.scene, points), *hits)
@@ -252,24 +261,30 @@ def _merge(which: NDArray[np.bool_], one: DeepImage, other: DeepImage) -> DeepIm
     )
 
 
+@jit("needs")
+def _points(place: Array, size: Array, key: Array, needs: tuple[str, ...]) -> Array:
+    """Return random points at the given (x, y, interval), shape (3, n)."""
+    points = draws.uniform(key, (place.shape[1], len(needs)), place.dtype)
+    for j, name in enumerate(("x", "y", "time")):
+        column = needs.index(name)
+        moved = (place[j] + points[:, column]) / size[j]
+        points = points.at[:, column].set(jnp.minimum(moved, below_one(moved.dtype)))
+    return points
+
+
 @jit()
-def _sample_rows(scene: tracing.DirectLight, place: Array, size: Array, key: Array) -> tuple[Array, ...]:
-    """Return random points at the given (x, y, interval), shape (3, n), and what their rays hit.
+def what_is_hit(scene: tracing.DirectLight, points: Array) -> tuple[Array, ...]:
+    """Return what the rays of points hit, as in a `DeepImage` after the colours.
 
     The scene has a program of its own, which other images of it share.
     """
-    points = draws.uniform(key, (place.shape[1], len(scene.needs)), place.dtype)
-    columns = [scene.needs.index(name) for name in ("x", "y", "time")]
-    for j, column in enumerate(columns):
-        moved = (place[j] + points[:, column]) / size[j]
-        points = points.at[:, column].set(jnp.minimum(moved, below_one(moved.dtype)))
-    x, y, time = (points[:, column] for column in columns)
+    x, y, time = (points[:, scene.needs.index(name)] for name in ("x", "y", "time"))
     time = scene.camera.times(time)
     sight = scene.camera.rays(x, y, time, ())
     at = intersect(in_dtype(scene.world, points.dtype), sight.origin, sight.direction, time)
     inside = jax.tree.map(partial(jnp.where, at.valid), at.inside, sight.direction)
     distance = jnp.where(at.valid, at.distance, jnp.inf)
-    return points, distance, jnp.stack(inside, axis=-1), time, at.number
+    return distance, jnp.stack(inside, axis=-1), time, at.number
 
 
 @jit()

@@ -21,11 +21,11 @@ from figures.shared.rendered.diffusion import shown
 from figures.shared.sheets.image_sheets import DPI, Panel, add_axes, image_grid
 from figures.thesis.chapter_3.predicted_images import (
     ROWS,
-    Predicted,
     Step,
     predict,
     project,
     triangles_between,
+    what_is_hit,
 )
 from qmcjax import samplers, sequences, tracing
 from qmcjax.tracing import motion
@@ -73,27 +73,20 @@ class Seen(NamedTuple):
 
     number: NDArray[np.int32]
     """(n,): of primitives."""
-    point: NDArray[np.float32]
-    """(n, 3)."""
+    inside: NDArray[np.float32]
+    """(n, 3): the point in object space."""
 
 
 def first_hits(side: int, time: float, camera: tracing.Camera = CAMERA) -> Seen:
     """Return what the middles of side x side pixels see."""
-    middles = ((np.arange(side) + 0.5) / side).astype(np.float32)
+    of, middles = sliding_box(camera), (np.arange(side) + 0.5) / side
+    y, x = np.meshgrid(middles, middles, indexing="ij")
+    given = {"x": x.ravel(), "y": y.ravel(), "time": np.full(side**2, time)}
+    points = np.stack([given.get(name, np.zeros(side**2)) for name in of.needs], axis=-1)
     # One program for small images, too.
-    x, y = (jnp.asarray(np.resize(a, max(a.size, ROWS))) for a in np.meshgrid(middles, middles))
-    found = _first_hits(sliding_box(camera), x, y, jnp.full_like(x, time))
-    return Seen(*(np.asarray(a)[: side**2] for a in found))
-
-
-@jax.jit
-def _first_hits(
-    of: tracing.DirectLight, x: jax.Array, y: jax.Array, time: jax.Array
-) -> tuple[jax.Array, jax.Array]:
-    sight = of.camera.rays(x, y, time, ())
-    origin, direction = (jnp.stack(a, axis=-1) for a in (sight.origin, sight.direction))
-    hit = tracing.nearest_hit(of.world, origin, direction, time)
-    return hit.shape, hit.point
+    wide = np.resize(points, (max(side**2, ROWS), len(of.needs)))
+    _, inside, _, number = what_is_hit(of, jnp.asarray(wide, jnp.float32))
+    return Seen(np.asarray(number)[: side**2], np.asarray(inside)[: side**2])
 
 
 def render_interval(
@@ -122,7 +115,7 @@ class Size(NamedTuple):
 
 
 SIZES_3_3 = {"draft": Size(128, 8, 16), "paper": Size(128, 64, 512)}
-APART_3_3 = {"draft": 64, "paper": 128}
+APART_3_3 = {"draft": 32, "paper": 128}
 """Side of the images of all intervals that are compared with each other."""
 LEVELS = 3
 CHECKS = 4
@@ -147,10 +140,8 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     count = 2**LEVELS + 1
     scene = sliding_box()
 
-    def found(checks: int) -> Predicted:
-        return predict(scene, size.side, (checks,) * LEVELS, size.spp, 1, CONTRAST)
-
-    raw, corrected = found(0), found(CHECKS)
+    raw = predict(scene, size.side, (0,) * LEVELS, size.spp, 1, CONTRAST)
+    corrected = predict(scene, size.side, (CHECKS,) * LEVELS, size.spp, 1, CONTRAST, raw.ends)
     progress(0.3)
     truth = []
     for which in range(count):
@@ -257,11 +248,9 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     size = SIZES_3_6[quality]
     side = size.side
 
-    def found(scene: Any, checks: int) -> Predicted:
-        return predict(scene, side, (checks,), size.spp, 1, CONTRAST)
-
     scene = sliding_box(SHAKEN)
-    raw, checked = found(scene, 0), found(scene, CHECKS)
+    raw = predict(scene, side, (0,), size.spp, 1, CONTRAST)
+    checked = predict(scene, side, (CHECKS,), size.spp, 1, CONTRAST, raw.ends)
     progress(0.5)
     truth = render_interval(side, size.exact, quality, 3, 1, SHAKEN)
     holes = raw.samples[1] > 0
@@ -311,11 +300,9 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
 
 def _mesh(axes: Axes, image: NDArray, time: float) -> None:
     """Draw the triangles between pixels of an image of the time 1/6, moved to another one."""
-    start = np.float32(1 / 6)
-    number, point = first_hits(MESH, float(start), SHAKEN)
-    (before, at), (after, to) = (tuple(np.asarray(a) for a in _placed(jnp.float32(t))) for t in (start, time))
-    moved = (point - at) @ np.linalg.inv(before).T @ after.T + to
-    point = jnp.asarray(np.where((number == BOX)[:, None], moved, point))
+    number, inside = first_hits(MESH, 1 / 6, SHAKEN)
+    turn, to = (np.asarray(a) for a in _placed(jnp.float32(time)))
+    point = jnp.asarray(np.where((number == BOX)[:, None], inside @ turn.T + to, inside))
     u, v, depth = (np.asarray(a) for a in _project(point, jnp.full_like(point[:, 0], time)))
     block = len(image) // MESH
     colors = shown(image.reshape(MESH, block, MESH, block, 3).mean(axis=(1, 3))).reshape(-1, 3)

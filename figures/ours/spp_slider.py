@@ -35,18 +35,19 @@ NOTE = (
 )
 
 
-def ways(spp: int) -> dict[str, samplers.Sampler]:
-    """Return the samplers by name."""
+def ways(spp: int) -> dict[str, Callable[[], samplers.Sampler]]:
+    """Return what makes the samplers, by name."""
     sobol, lattice = sequences.sobol(DIMS), sequences.lattice(DIMS)
+    rows, curve = orders.raster(SIDE, SIDE), orders.hilbert(SIDE, SIDE)
     return {
-        "random": samplers.contiguous(orders.raster(SIDE, SIDE), sequences.uniform(DIMS, KEY), spp),
-        "(0,2), Owen": samplers.independent(sobol, KEY),
-        "lattice, rotated": samplers.independent(lattice, KEY, "shift"),
-        "dither": samplers.dither(samplers.blue_noise_mask(2), lattice),
-        "ranked": samplers.ranked(DIMS, KEY),
-        "global Sobol'": samplers.full_screen(sobol, SIDE, SIDE),
-        "Z": samplers.z(SIDE, SIDE, spp, KEY, dims=DIMS),
-        "Hilbert, Owen": samplers.contiguous(orders.hilbert(SIDE, SIDE), sequences.owen(sobol, KEY), spp),
+        "random": lambda: samplers.contiguous(rows, sequences.uniform(DIMS, KEY), spp),
+        "(0,2), Owen": lambda: samplers.independent(sobol, KEY),
+        "lattice, rotated": lambda: samplers.independent(lattice, KEY, "shift"),
+        "dither": lambda: samplers.dither(samplers.blue_noise_mask(2), lattice),
+        "ranked": lambda: samplers.ranked(DIMS, KEY),
+        "global Sobol'": lambda: samplers.full_screen(sobol, SIDE, SIDE),
+        "Z": lambda: samplers.z(SIDE, SIDE, spp, KEY, dims=DIMS),
+        "Hilbert, Owen": lambda: samplers.contiguous(curve, sequences.owen(sobol, KEY), spp),
     }
 
 
@@ -63,9 +64,9 @@ def make(
             if name not in DRAWN.get(quality, (name,)):
                 continue
             if quality == "paper":
-                image = np.asarray(qj.render(scene, sampler, SIDE, SIDE, spp))
+                image = np.asarray(qj.render(scene, sampler(), SIDE, SIDE, spp))
             else:  # To compile a program for a sampler and a count takes longer than to do without, if few.
-                image = scene_images.image(scene, sampler, SIDE, spp)[..., 0]
+                image = scene_images.image(scene, sampler(), SIDE, spp)[..., 0]
             images[f"{name}, {spp} spp"] = image
             errors.setdefault(name, {})[f"{spp} spp"] = rms(image - reference)
         progress(done / (1 + len(COUNTS)))

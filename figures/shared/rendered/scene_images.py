@@ -18,10 +18,10 @@ from qmcjax.core.checkpoints import digest
 from qmcjax.core.pytrees import jit, pytree
 
 POINTS = 2**12
-"""In one call of a scene, or of a sampler that is compiled: small images have little to fill it up."""
+"""In one call of a traced scene, or of a sampler compiled for a small image: it has little to fill it up."""
 
 SAMPLES = 2**14
-"""In one call of a sampler whose steps are compiled one by one: several samplers share these."""
+"""In one call of other scenes, and of samplers for large images, or whose steps are compiled one by one."""
 
 FEW, MANY = 2**16, 2**20
 """Samples up to which the steps of one image are taken one by one, and from which on a fast program pays."""
@@ -174,7 +174,7 @@ def points(
     leaves = list(zip(*map(jax.tree.leaves, keyed), strict=True))
     differ = tuple(any(not np.array_equal(of[0], leaf) for leaf in of[1:]) for of in leaves)
     varied = [jnp.stack(of) for of, varies in zip(leaves, differ, strict=True) if varies]
-    size = SAMPLES if made is _of_samplers else POINTS
+    size = POINTS if made is _quick else SAMPLES
     found = [
         np.asarray(made(keyed[0], varied, *map(jnp.asarray, call), tuple(range(dims)), differ))
         for call in zip(*(_calls(each.ravel(), size) for each in given), strict=True)
@@ -193,7 +193,7 @@ def _calls(values: NDArray, size: int) -> NDArray:
 def evaluate(scene: Any, points: NDArray) -> NDArray[np.float64]:
     """Return the values of a scene at points, (..., dims), as (..., channels)."""
     flat = points.reshape(-1, points.shape[-1])
-    calls = _calls(flat, POINTS)
+    calls = _calls(flat, POINTS if hasattr(scene, "unrolled") else SAMPLES)
     values = np.concatenate([np.asarray(_values(scene, jnp.asarray(call)), np.float64) for call in calls])
     return values[: len(flat)].reshape(*points.shape[:-1], -1)
 

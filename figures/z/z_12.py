@@ -23,10 +23,10 @@ from qmcjax import orders, samplers, scenes, sequences
 
 INSET, SPP = 128, 2
 """Side of the images, and their samples per pixel."""
-SIDE = {"draft": 32, "paper": 64}
-"""Of the image whose pixels the graphs are about."""
-LARGEST = {"draft": 6, "paper": 12}
-"""Binary logarithm of the largest number of samples of the graphs."""
+SIDE = {"draft": INSET, "paper": 64}
+"""Of the image whose pixels the graphs are about: drafts have the same samplers for both."""
+LOGS = {"draft": range(0, 7, 2), "paper": range(13)}
+"""Binary logarithms of the numbers of samples of the graphs."""
 
 PIXELS = {"draft": 16, "paper": 32}
 """Of each of the sets over which errors of the graphs are judged."""
@@ -126,7 +126,7 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     samplers_of = ways(dims, INSET, SPP)
     insets = {name: scene_images.image(scene, samplers_of[name], INSET, SPP) for name in SHOWN}
     progress(0.1)
-    counts = [2**k for k in range(LARGEST[quality] + 1)]
+    counts = [2**k for k in LOGS[quality]]
     keys = range(KEY, KEY + KEYS[quality])
     of_keys = {spp: [ways(dims, side, spp, key) for key in keys] for spp in counts}
     errors = pixel_sets.compare(

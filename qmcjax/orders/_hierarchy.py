@@ -50,9 +50,9 @@ def unpermuted(number: Array, digit: Array) -> Array:
     return _product(_INVERSE_IMAGES, number, digit ^ (number & np.uint32(3)))
 
 
-def scaled(word: Array, count: int) -> Array:
+def scaled(word: Array, count: Array | int) -> Array:
     """Map uniform words to {0, ..., count - 1}, equally many to each, up to one."""
-    return high_product(word, jnp.full_like(word, np.uint32(count)))
+    return high_product(word, jnp.full_like(word, count))
 
 
 @traced_once

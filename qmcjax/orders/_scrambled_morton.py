@@ -68,7 +68,7 @@ class RandomTree(LookupTree):
     """uint32 scalar, below the number of letters."""
 
     def family(self, keys: Array) -> Self:
-        shifts = _shifts_of(keys, self.permutations.shape[0])
+        shifts = _shifts_of(keys, np.uint32(self.permutations.shape[0]))
         return replace(super().family(keys), shift=jnp.concatenate([self.shift[None], shifts]))
 
     def member(self, number: int | Array) -> Self:
@@ -78,20 +78,27 @@ class RandomTree(LookupTree):
         return super()._child((node + self.shift) % np.uint32(self.production.shape[0]), digit)
 
 
-@partial(jax.jit, static_argnums=1)
 def _permutations_of(keys: Array, letters: int) -> Array:
-    """Draw permutations with each key; compiled, since otherwise every call traces the generator again."""
-    return jax.vmap(lambda key: random_permutations(letters, key))(keys)
+    return _drawn_permutations(keys, max(letters, ALPHABET))[:, :letters]
 
 
+# Compiled, since otherwise every call traces the generator again. Words of an alphabet begin with those of a
+# smaller one: small alphabets share a program.
 @partial(jax.jit, static_argnums=1)
-def _shifts_of(keys: Array, letters: int) -> Array:
+def _drawn_permutations(keys: Array, letters: int) -> Array:
+    words = jax.vmap(lambda key: draws.bits(key, (letters,), jnp.uint32))(keys)
+    return scaled(words, PERMUTATIONS).astype(jnp.uint8)
+
+
+@partial(jax.jit, static_argnums=2)
+def _drawn_production(key: Array, letters: Array | int, count: int) -> Array:
+    return scaled(draws.bits(key, (count, 4), jnp.uint32), letters).astype(jnp.uint16)
+
+
+@jax.jit
+def _shifts_of(keys: Array, letters: Array | int) -> Array:
     words = jax.vmap(lambda key: draws.bits(jax.random.fold_in(key, 1), (), jnp.uint32))(keys)
     return scaled(words, letters)
-
-
-def random_permutations(letters: int, key: Array) -> Array:
-    return scaled(draws.bits(key, (letters,), jnp.uint32), PERMUTATIONS).astype(jnp.uint8)
 
 
 def art_production() -> Array:
@@ -167,12 +174,12 @@ def scrambled_morton(
         dim = jnp.uint32(key) if isinstance(key, int) else draws.bits(random, (), jnp.uint32)
         return Multiplicative(width, height, dim)
     of_production, of_permutations = draws.split(random)
-    if variant == "art":
-        production = art_production()
-        return LookupTree(width, height, production, random_permutations(len(production), of_permutations))
     letters = checks.integer("alphabet", ALPHABET if alphabet is None else alphabet, 1, 2**16)
-    production = scaled(draws.bits(of_production, (letters, 4), jnp.uint32), letters).astype(jnp.uint16)
-    return RandomTree(width, height, production, random_permutations(letters, of_permutations), jnp.uint32(0))
+    permutations = _permutations_of(of_permutations[None], letters)[0]
+    if variant == "art":
+        return LookupTree(width, height, art_production(), permutations)
+    production = _drawn_production(of_production, np.uint32(letters), max(letters, ALPHABET))[:letters]
+    return RandomTree(width, height, production, permutations, jnp.uint32(0))
 
 
 _IDENTITY = 0

@@ -1,5 +1,7 @@
 """Optimal local subtrees: rearrangement of a few nodes at a time for the smallest summed area."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -146,6 +148,7 @@ def best_arrangement(
     return cost[-1], choice, lows, highs
 
 
+@cache
 def _splits(part: int) -> NDArray[np.int64]:
     """Return the proper subsets of a subset that contain its lowest bit."""
     parts = np.arange(part - 1, 0, -1)

@@ -131,7 +131,7 @@ def _count(
             here = active[leaf]
             limit[here] = np.minimum(limit[here], _validate_distances(distance(here, node[leaf]), len(here)))
         inside, below = active[~leaf], tree.children[node[~leaf] - tree.size]
-        first, second = (enters(inside, below[:, k]) for k in range(2))
+        first, second = enters(np.tile(inside, 2), below.T.ravel()).reshape(2, -1)
         nearer = first <= second if is_first is None else is_first(inside, node[~leaf])
         near, far = np.where(nearer, first, second), np.where(nearer, second, first)
         both = np.maximum(first, second) < limit[inside]
@@ -160,6 +160,7 @@ def _entries(
 ) -> Callable[[NDArray, NDArray], NDArray[np.float64]]:
     """Return a function for the distances at which rays enter the boxes of nodes: inf without a hit."""
     span, part = interval_of_time(tree.times, when)
+    along_sides = np.isinf(inverse).any()
 
     def corners(rays: NDArray, nodes: NDArray) -> tuple[NDArray, NDArray]:
         if tree.times is None:
@@ -173,8 +174,8 @@ def _entries(
     def entries(rays: NDArray, nodes: NDArray) -> NDArray[np.float64]:
         low, high = corners(rays, nodes)
         one, other = ((a[:, :3] - start[rays]) * inverse[rays] for a in (low, high))
-        # In the plane of a side, 0 times infinity: such a ray touches the box.
-        one, other = np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(other), np.inf, other)
+        if along_sides:  # In the plane of a side, 0 times infinity: such a ray touches the box.
+            one, other = np.where(np.isnan(one), -np.inf, one), np.where(np.isnan(other), np.inf, other)
         near = np.maximum(np.minimum(one, other).max(axis=1), 0)
         hit = near <= np.maximum(one, other).min(axis=1)
         if low.shape[1] == 4:

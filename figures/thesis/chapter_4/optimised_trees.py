@@ -18,7 +18,7 @@ SIZE = {"draft": "draft", "paper": "large"}
 """Of the meshes."""
 
 SIDE_4_2 = {"draft": 32, "paper": 128}
-SETS = {"draft": 10, "paper": 60}
+SETS = {"draft": 4, "paper": 60}
 """Of random boxes of each kind, for the first way of Sect. 4.1.2."""
 SCALES = {"40 boxes, spread evenly": (40, 1), "300 boxes, on six scales": (50, 6)}
 """Boxes on a scale, and scales."""

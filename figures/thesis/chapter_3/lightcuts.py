@@ -43,8 +43,8 @@ SHOWN = 16
 WEBER = 0.02
 """The tolerance of the images: clusters below 2 % of a pixel are not refined."""
 
-BATCH = 256_000
-"""Rays traced at once."""
+BATCH, SIGHTS = 256_000, 2**16
+"""Shadow rays traced at once, and rays of the camera: fewer are repeated, for one program."""
 
 CUTS, RANDOM = "error of cuts", "error of random pairs"
 
@@ -144,20 +144,20 @@ def make_scene(world: tracing.World, side: int, count: int, key: int) -> Scene:
     y, x = np.mgrid[:side, :side].reshape(2, -1, 1) + random.random((2, side * side, INSTANTS))
     camera = tracing.camera([0, 2.0, -2.2], [0, 0.1, 0], fov=42)
     across, down, when = (
-        jnp.asarray(np.broadcast_to(a, x.shape).ravel(), jnp.float32) for a in (x / side, y / side, times)
+        jnp.asarray(np.resize(np.broadcast_to(a, x.shape), max(x.size, SIGHTS)), jnp.float32)
+        for a in (x / side, y / side, times)
     )
     sight = camera.rays(across, down, when, ())
     origin, direction = (jnp.stack(vector, axis=-1) for vector in (sight.origin, sight.direction))
     hit = tracing.nearest_hit(world, origin, direction, when)
-    place, normal = (
-        np.asarray(part, np.float64).reshape(-1, INSTANTS, 3) for part in (hit.point, hit.normal)
-    )
+    place, normal, surface = (np.asarray(part)[: x.size] for part in (hit.point, hit.normal, hit.shape))
+    place, normal = (part.astype(np.float64).reshape(-1, INSTANTS, 3) for part in (place, normal))
     lamps = (random.random((count, 1, 3)) - [0.5, 0, 0.5]) * [3, 0.4, 3] + [0, 0.9, 0]
     moves = 0.4 * (random.random((count, 1, 3)) - 0.5) * (np.arange(count) % 2)[:, None, None]
     lamps = lamps + moves * times[:, None]
     strength = random.exponential(size=count)
     strength /= strength.sum()
-    gathers = gather_tree(place, normal, np.asarray(hit.shape).reshape(-1, INSTANTS))
+    gathers = gather_tree(place, normal, surface.reshape(-1, INSTANTS))
     table = transport(world, place, normal, lamps, times)
     return Scene(gathers, _light_tree(lamps, strength, random), strength, table)
 
@@ -169,6 +169,7 @@ def transport(
 
     It is the cosine over the squared distance, 0 if something blocks the light.
     """
+    count, lamps = len(lamps), np.resize(lamps, (max(len(lamps), LAMPS), *lamps.shape[1:]))
     table = np.empty((*place.shape[:2], len(lamps)))
     step = max(1, BATCH // (INSTANTS * len(lamps)))
     for begin in range(0, len(place), step):
@@ -176,9 +177,14 @@ def transport(
         way = lamps.swapaxes(0, 1) - origin
         start, ray, when = (a.astype(np.float32) for a in (origin, way, times[:, None]))
         blocked = tracing.any_hit(world, start, ray, when, np.float32(1))
-        along = np.maximum(np.sum(facing * way, axis=-1), 0)
-        table[begin : begin + step] = np.where(blocked, 0, along / np.sum(way**2, axis=-1) ** 1.5)
-    return table
+        along = np.maximum(_dot(facing, way), 0)
+        table[begin : begin + step] = np.where(blocked, 0, along / _dot(way, way) ** 1.5)
+    return table[..., :count]
+
+
+def _dot(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Return products of vectors, as NumPy sums them but in a third of the time."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
 def exact(scene: Scene) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from typing import Any, NamedTuple
 
 import jax
@@ -180,9 +181,12 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     world = _world()
     found: Found = {kind: {} for kind in KINDS}
     maps: Maps = {}
+    batches = {kind: _batches(world, kind, size.logs[0]) for kind in KINDS}
+    sent: dict[str, list[Photons]] = {kind: [] for kind in KINDS}
     for done, log in enumerate(size.logs, start=1):
         for kind in KINDS:
-            maps[kind] = _sent(world, kind, size.logs[0], 2 ** (log - size.logs[0]))
+            sent[kind] += islice(batches[kind], 2 ** (log - size.logs[0]) - len(sent[kind]))
+            maps[kind] = _together(sent[kind])
             found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
         progress(0.9 * done / len(size.logs))
     mean_error = _over_shutter(maps, found, floor, changes)
@@ -233,16 +237,17 @@ def _world() -> tracing.World:
     return tracing.world([floor, square(STILL), square(MOVING, motion=slides)], [light])
 
 
-def _sent(world: tracing.World, kind: str, log: int, batches: int) -> Photons:
-    """Return photons of so many batches of one size, for which there is one program."""
+def _batches(world: tracing.World, kind: str, log: int) -> Iterator[Photons]:
+    """Yield photons in batches of one size, for which there is one program."""
     rng = np.random.default_rng(KEY)
-    found = []
-    for _ in range(batches):
-        points = rng.random((2**log, 3), np.float32)
-        found.append(emit(world, points, 8 if kind == "intervals" else None))
+    while True:
+        yield emit(world, rng.random((2**log, 3), np.float32), 8 if kind == "intervals" else None)
+
+
+def _together(found: list[Photons]) -> Photons:
     names = "position", "incoming", "energy", "start", "end", "shape"
     of_all: dict[str, Any] = {name: np.concatenate([getattr(one, name) for one in found]) for name in names}
-    return Photons(**of_all | {"energy": of_all["energy"] / batches})
+    return Photons(**of_all | {"energy": of_all["energy"] / len(found)})
 
 
 def _exact(x: NDArray, z: NDArray, time: float) -> NDArray[np.float64]:

@@ -37,10 +37,9 @@ NOTE = (
 
 def ways(spp: int) -> dict[str, Callable[[], samplers.Sampler]]:
     """Return what makes the samplers, by name."""
-    sobol, lattice = sequences.sobol(DIMS), sequences.lattice(DIMS)
-    rows, curve = orders.raster(SIDE, SIDE), orders.hilbert(SIDE, SIDE)
+    sobol, lattice, curve = sequences.sobol(DIMS), sequences.lattice(DIMS), orders.hilbert(SIDE, SIDE)
     return {
-        "random": lambda: samplers.contiguous(rows, sequences.uniform(DIMS, KEY), spp),
+        "random": lambda: samplers.contiguous(orders.raster(SIDE, SIDE), sequences.uniform(DIMS, KEY), spp),
         "(0,2), Owen": lambda: samplers.independent(sobol, KEY),
         "lattice, rotated": lambda: samplers.independent(lattice, KEY, "shift"),
         "dither": lambda: samplers.dither(samplers.blue_noise_mask(2), lattice),

@@ -177,14 +177,10 @@ def transport(
         way = lamps.swapaxes(0, 1) - origin
         start, ray, when = (a.astype(np.float32) for a in (origin, way, times[:, None]))
         blocked = tracing.any_hit(world, start, ray, when, np.float32(1))
-        along = np.maximum(_dot(facing, way), 0)
-        table[begin : begin + step] = np.where(blocked, 0, along / _dot(way, way) ** 1.5)
+        # As NumPy sums vectors, but in a third of the time.
+        along, square = (sum(one[..., k] * way[..., k] for k in range(3)) for one in (facing, way))
+        table[begin : begin + step] = np.where(blocked, 0, np.maximum(along, 0) / square**1.5)
     return table[..., :count]
-
-
-def _dot(a: NDArray, b: NDArray) -> NDArray[np.float64]:
-    """Return products of vectors, as NumPy sums them but in a third of the time."""
-    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
 def exact(scene: Scene) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 from typing import Any, NamedTuple
 
 import jax
@@ -181,12 +180,10 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     world = _world()
     found: Found = {kind: {} for kind in KINDS}
     maps: Maps = {}
-    batches = {kind: _batches(world, kind, size.logs[0]) for kind in KINDS}
-    sent: dict[str, list[Photons]] = {kind: [] for kind in KINDS}
+    sent = {kind: _batches(world, kind, size.logs) for kind in KINDS}
     for done, log in enumerate(size.logs, start=1):
         for kind in KINDS:
-            sent[kind] += islice(batches[kind], 2 ** (log - size.logs[0]) - len(sent[kind]))
-            maps[kind] = _together(sent[kind])
+            maps[kind] = _together(sent[kind][: 2 ** (log - size.logs[0])])
             found[kind][f"{2**log}"] = _best(maps[kind], kind, floor, times, exact, changes, log)
         progress(0.9 * done / len(size.logs))
     mean_error = _over_shutter(maps, found, floor, changes)
@@ -237,11 +234,11 @@ def _world() -> tracing.World:
     return tracing.world([floor, square(STILL), square(MOVING, motion=slides)], [light])
 
 
-def _batches(world: tracing.World, kind: str, log: int) -> Iterator[Photons]:
-    """Yield photons in batches of one size, for which there is one program."""
-    rng = np.random.default_rng(KEY)
-    while True:
-        yield emit(world, rng.random((2**log, 3), np.float32), 8 if kind == "intervals" else None)
+def _batches(world: tracing.World, kind: str, logs: tuple[int, ...]) -> list[Photons]:
+    """Return photons in batches of the smallest number, for which there is one program."""
+    rng, most = np.random.default_rng(KEY), 8 if kind == "intervals" else None
+    drawn = (rng.random((2 ** logs[0], 3), np.float32) for _ in range(2 ** (logs[-1] - logs[0])))
+    return [emit(world, points, most) for points in drawn]
 
 
 def _together(found: list[Photons]) -> Photons:

@@ -107,30 +107,21 @@ class Predicted(NamedTuple):
     samples: NDArray[np.int32]
     """(n, height, width): samples per pixel; pixels with fewer than ``fail`` are predicted."""
     steps: tuple[Step, ...]
-    ends: "dict[int, DeepImage]"
-    """The first and the last image."""
 
 
 def predict(
-    scene: tracing.DirectLight,
-    side: int,
-    samples: tuple[int, ...],
-    fail: int,
-    key: int,
-    contrast: float,
-    ends: "dict[int, DeepImage] | None" = None,
+    scene: tracing.DirectLight, side: int, samples: tuple[int, ...], fail: int, key: int, contrast: float
 ) -> Predicted:
     """Render a shutter of 2^m + 1 intervals, and predict most of their images.
 
     ``samples`` of each pixel check the predictions of each level: p fails if abs(p - e) > contrast (p + e) in
-    a colour, with the mean e of the samples. A pixel without a prediction gets ``fail`` samples. ``ends`` are
-    those of another prediction with the same ``fail`` and ``key``.
+    a colour, with the mean e of the samples. A pixel without a prediction gets ``fail`` samples.
     """
     count = side * side
     render = Renderer(scene, side, 2 ** len(samples) + 1, jax.random.key(key, impl="threefry2x32"))
     steps = recursion(len(samples))
-    ends = ends or {end: render.sample(end, np.arange(count), fail, 0) for end in (0, render.intervals - 1)}
-    known, taken = dict(ends), {end: np.full(count, fail, np.int32) for end in ends}
+    known = {end: render.sample(end, np.arange(count), fail, 0) for end in (0, render.intervals - 1)}
+    taken = {end: np.full(count, fail, np.int32) for end in known}
     for step in steps:
         predicted, covered = render.predict(known[step.left], known[step.right], step)
         known[step.middle], taken[step.middle] = render.correct(
@@ -138,7 +129,7 @@ def predict(
         )
     images = np.stack([known[k].color.reshape(side, side, 3) for k in range(render.intervals)])
     of_all = np.stack([taken[k].reshape(side, side) for k in range(render.intervals)])
-    return Predicted(images.mean(axis=0, dtype=np.float64).astype(np.float32), images, of_all, steps, ends)
+    return Predicted(images.mean(axis=0, dtype=np.float64).astype(np.float32), images, of_all, steps)
 
 
 def recursion(levels: int) -> tuple[Step, ...]:

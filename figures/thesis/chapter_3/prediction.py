@@ -141,7 +141,7 @@ def thesis_3_3(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
     scene = sliding_box()
 
     raw = predict(scene, size.side, (0,) * LEVELS, size.spp, 1, CONTRAST)
-    corrected = predict(scene, size.side, (CHECKS,) * LEVELS, size.spp, 1, CONTRAST, raw.ends)
+    corrected = predict(scene, size.side, (CHECKS,) * LEVELS, size.spp, 1, CONTRAST)
     progress(0.3)
     truth = []
     for which in range(count):
@@ -250,7 +250,7 @@ def thesis_3_6(quality: str, progress: Callable[[float], None]) -> tuple[Figure,
 
     scene = sliding_box(SHAKEN)
     raw = predict(scene, side, (0,), size.spp, 1, CONTRAST)
-    checked = predict(scene, side, (CHECKS,), size.spp, 1, CONTRAST, raw.ends)
+    checked = predict(scene, side, (CHECKS,), size.spp, 1, CONTRAST)
     progress(0.5)
     truth = render_interval(side, size.exact, quality, 3, 1, SHAKEN)
     holes = raw.samples[1] > 0

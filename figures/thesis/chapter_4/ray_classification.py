@@ -168,18 +168,22 @@ def _of_scene(scene: Moving, sets: int, cases: Cases) -> dict[str, dict[str, NDA
     boxes = boxes_in_time(low, high, times)
     tree = trees.surface_area_tree(boxes[0][1], boxes[1][1])
     built = {WHOLE: tree, INTERPOLATED: trees.refitted(tree, low, high, times)}
-    camera, size = meshes.camera_rays(scene.view, 256), low.shape[1]
+    camera, size, few = meshes.camera_rays(scene.view, 256), low.shape[1], cases[0][1]
     found: dict[str, dict[str, NDArray]] = {}
+
+    def draw(kind: str, count: int, key: int) -> tuple[NDArray, NDArray, NDArray]:
+        random = np.random.default_rng(key)
+        some, when = random.choice(len(camera[0]), count, replace=False), random.uniform(size=count)
+        if kind == PRIMARY:
+            return camera[0][some], camera[1][some], when
+        origin = random.uniform(low.min(axis=(0, 1)), high.max(axis=(0, 1)), (count, 3))
+        return origin, random.normal(size=(count, 3)), when
+
     for kind, count in cases:
-        drawn = [_draw_rays(kind, count, key, camera, low, high) for key in range(sets)]
-        drawn_rays, drawn_times = zip(*drawn, strict=True)
+        drawn = [draw(kind, count, key) for key in range(sets)]
         of = found[f"{count} {kind}"] = {way: np.zeros((sets, 3)) for way in (*built, *WAYS)}
-        few = cases[0][1]
         # The rays of all sets that go through trees, together.
-        rays = Rays(
-            *(np.concatenate([a[:few] for a in of_sets]) for of_sets in zip(*drawn_rays, strict=True))
-        )
-        when = np.concatenate([time[:few] for time in drawn_times])
+        *rays, when = (np.concatenate([a[:few] for a in part]) for part in zip(*drawn, strict=True))
         distance = trees.triangle_distances(scene.triangles, *rays, times=times, time=when)
         first = []
         for way, tree in built.items():
@@ -189,34 +193,21 @@ def _of_scene(scene: Moving, sets: int, cases: Cases) -> dict[str, dict[str, NDA
                 tested[ray] += 1  # A ray visits one node at a time.
                 return at(ray, leaf)
 
-            traced = meshes.trace(tree, rays, counted, when)
+            traced = meshes.trace(tree, Rays(*rays), counted, when)
             visits, hits = (of_rays.reshape(sets, few).mean(axis=1) for of_rays in (traced.visits, tested))
             stored = (2 - 1 / size) * (len(times) if tree.times is not None else 1)
             of[way][:] = np.stack([1 + 2 * (visits - hits) + hits, hits, np.full(sets, stored)], axis=1)
             first.append(traced.distance.reshape(sets, few))
-        for (way, dims), (key, (rays, time)) in product(WAYS.items(), enumerate(drawn)):
-            made = classify(boxes, rays, time, dims)
+        for (way, dims), (key, (*one, time)) in product(WAYS.items(), enumerate(drawn)):
+            made = classify(boxes, Rays(*one), time, dims)
             hits = len(made.ray) / count
             of[way][key] = made.tests / count + hits, hits, made.stored / size
             nearest, seen = np.full(few, np.inf), made.ray < few
             pairs = made.ray[seen], made.triangle[seen]
             np.minimum.at(nearest, pairs[0], distance(pairs[0] + key * few, pairs[1]))
-            if not all(np.array_equal(nearest, one[key]) for one in first):
+            if not all(np.array_equal(nearest, of_tree[key]) for of_tree in first):
                 raise ValueError(f"first hits of {kind} differ between ways")
     return found
-
-
-def _draw_rays(
-    kind: str, count: int, key: int, camera: tuple[NDArray, NDArray], low: NDArray, high: NDArray
-) -> tuple[Rays, NDArray[np.float64]]:
-    """Return a set of rays, and their times."""
-    random = np.random.default_rng(key)
-    some, when = random.choice(len(camera[0]), count, replace=False), random.uniform(size=count)
-    rays = Rays(*(a[some] for a in camera))
-    if kind == SPREAD:
-        origin = random.uniform(low.min(axis=(0, 1)), high.max(axis=(0, 1)), (count, 3))
-        rays = Rays(origin, random.normal(size=(count, 3)))
-    return rays, when
 
 
 def _draw(measured: dict[str, dict[str, Any]], cases: Cases) -> Figure:

@@ -319,8 +319,8 @@ def direct_light(
         missed. Derivatives by lines in one direction have no finite variance where edges are parallel to
         them. Of both coordinates, as in ``lines=("x", "y")``, each sample takes one by chance, and weighs
         derivatives by the direction of the edge: this bounds them.
-        A line takes 10 to 20 times as long as a point in small worlds (`scenes.defocus` 10, `scenes.occluder`
-        20, 128 x 128 pixels).
+        A line takes 15 to 30 times as long as a point (`scenes.occluder` 15 to 19, `scenes.defocus` 18 to 25,
+        `scenes.moving_triangles` 28; 128 x 128 pixels).
     intervals : int, optional
         Maximum number of parts of a line, in [1, 256]; the rest of a line is sampled in one point.
 

@@ -107,12 +107,15 @@ def integrate_parts(world: World, line: Line, found: Parts, given: Any, shade: S
     last = until, jnp.ones_like(until), rest, rest, rest
     flat = tuple(jnp.concatenate([*a, end]) for a, end in zip(slots, last, strict=True))
     used, lines = flat[3] != -1, line.offset.shape[0]
-    # Parts whose ends move are listed first; of the others, at most one is of a line.
-    whole = used & (flat[0] == 0) & (flat[1] == 1)
-    moves = used & ~whole
-    first = jnp.cumsum(moves, dtype=jnp.int32)
-    second = first[-1] + jnp.cumsum(whole.reshape(-1, lines).any(axis=0), dtype=jnp.int32)
-    place = jnp.where(moves, first, jnp.where(whole, jnp.tile(second, used.size // lines), 0)) - 1
+    # Parts whose ends move are listed first, by lines; of the others, at most one is of a line.
+    whole = (used & (flat[0] == 0) & (flat[1] == 1)).reshape(-1, lines)
+    moves = used.reshape(-1, lines) & ~whole
+    of_line = jnp.cumsum(moves, axis=0, dtype=jnp.int32)
+    first = jnp.cumsum(of_line[-1], dtype=jnp.int32)
+    second = first[-1] + jnp.cumsum(whole.any(axis=0), dtype=jnp.int32)
+    place = (first - of_line[-1])[None] + of_line
+    place = jnp.where(moves, place, jnp.where(whole, second[None], 0)).reshape(-1) - 1
+    moves = moves.reshape(-1)
     size, total = tile_size(lines, TILE), second[-1]
     tiles = -(-used.size // size)
     order = listed(place, tiles * size)

@@ -198,7 +198,8 @@ def test_lines_in_both_directions_agree_with_those_in_one(name):
     one, two = both(SCENES[name]), both(SCENES[name] + tuple(map(OTHER.get, SCENES[name])))
     difference = two - one
     assert (abs(difference.mean(axis=1)) <= 5 * difference.std(axis=1) / np.sqrt(2**13)).all()
-    assert abs(two[1:]).max() < 0.5 * abs(one[1:]).max()
+    # At the poles of the ball derivatives by lines in one direction are a hundred times as large.
+    assert abs(two[1:]).max() < (0.1 if name == "ball" else 0.5) * abs(one[1:]).max()
 
 
 @pytest.mark.slow

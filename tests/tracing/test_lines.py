@@ -317,6 +317,12 @@ def test_edges_without_lines_are_named():
             jax.grad(value)(jnp.asarray(THETA), of, chosen)
 
 
+@pytest.mark.parametrize("chosen", ["x", ("y", "light_v")])
+def test_no_points_have_no_values(chosen):
+    scene = scene_of("shadow", THETA, chosen)
+    assert scene(jnp.zeros((0, len(scene.needs)))).shape == (0, 3)
+
+
 def test_wrong_lines_are_refused():
     world, camera = tracing.world([tracing.sphere([0, 0, 0], 1.0)]), tracing.camera([0, 0, 5], [0, 0, 0])
     for wrong, error in (

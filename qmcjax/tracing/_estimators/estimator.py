@@ -78,6 +78,8 @@ class Estimator(ABC):
     def of_coordinates(self, coordinates: Coordinates) -> Array:
         """Return radiance, shape (n, 3), from separate coordinates: mapped over some, others count once."""
         x = coordinates["x"]
+        if self.lines and not x.size:
+            return jnp.zeros((0, 3), x.dtype)
         world, camera = self.guarded()
         world = in_dtype(world, x.dtype)
         time = camera.times(coordinates.get("time", jnp.zeros_like(x)))

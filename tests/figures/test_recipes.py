@@ -33,10 +33,12 @@ def blocks(page="recipes", directive="run::"):
 
 
 def run(page):
-    (code,), found = blocks(page), {}
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        exec(compile(code, f"{page}.rst", "exec"), found)
-    return found
+    """Yield the names of a page after each block of its code."""
+    names = {}
+    for code in blocks(page):
+        with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+            exec(compile(code, f"{page}.rst", "exec"), names)
+        yield dict(names)
 
 
 @pytest.fixture(scope="module")
@@ -85,15 +87,17 @@ def test_minibatches_find_the_line_also_by_optax(names):
 
 @pytest.mark.slow
 def test_an_optimiser_finds_the_parameters_of_an_image():
+    """Of a light spot, and of a ball whose silhouette moves."""
     pytest.importorskip("optax")
-    found = run("examples/optimiser")
-    np.testing.assert_allclose(found["parameters"], found["wanted"], atol=0.01)
+    spot, ball = run("examples/optimiser")
+    for found in (spot, ball):
+        np.testing.assert_allclose(found["parameters"], found["wanted"], atol=0.01)
 
 
 @pytest.mark.slow
 def test_a_module_of_equinox_is_a_scene():
     pytest.importorskip("equinox")
-    found = run("examples/equinox")
+    (found,) = run("examples/equinox")
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         assert found["value"] < found["loss"](found["start"])[0] / 10
 

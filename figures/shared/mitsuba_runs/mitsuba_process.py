@@ -45,20 +45,22 @@ def as_native(mitsuba: Any, value: Any, folder: Path) -> Any:
 
 
 def _ply(triangles: list[Any], folder: Path) -> Path:
+    """Write a mesh whose triangles share vertices, so that an edge of two of them is one edge."""
     path = folder / f"{len(list(folder.iterdir()))}.ply"
-    vertices = np.array(triangles, np.float64).reshape(-1, 3)
+    corners: dict[tuple[float, ...], int] = {}
+    faces = [[corners.setdefault(tuple(corner), len(corners)) for corner in each] for each in triangles]
     head = [
         "ply",
         "format ascii 1.0",
-        f"element vertex {len(vertices)}",
+        f"element vertex {len(corners)}",
         *(f"property float {name}" for name in "xyz"),
         f"element face {len(triangles)}",
         "property list uchar int vertex_indices",
         "end_header",
     ]
-    corners = [" ".join(f"{number:.9g}" for number in vertex) for vertex in vertices]
-    faces = [f"3 {3 * row} {3 * row + 1} {3 * row + 2}" for row in range(len(triangles))]
-    path.write_text("\n".join([*head, *corners, *faces]) + "\n")
+    points = [" ".join(f"{number:.9g}" for number in corner) for corner in corners]
+    rows = [f"3 {a} {b} {c}" for a, b, c in faces]
+    path.write_text("\n".join([*head, *points, *rows]) + "\n")
     return path
 
 

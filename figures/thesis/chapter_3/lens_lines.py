@@ -1,7 +1,7 @@
 """Thesis Fig. 3.11: depth of field as the mean of images by lines on the lens, each of them exact."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from scipy.ndimage import gaussian_filter
 from figures._errors import rms
 from figures._rc import BLACK, BLUE, GREY, ORANGE, VERMILLION
 from figures.plot import Style
+from figures.shared import judged
 from figures.shared.costs import timed
 from figures.shared.rendered import diffusion, scene_images
 from figures.shared.rendered.diffusion import shown
@@ -41,14 +42,18 @@ class Size(NamedTuple):
     """Samples per pixel."""
     drawn: int
     """Samples of each line in each pixel of pictures."""
+    chords: bool
+    """Whether they are measured: their program takes long to compile."""
 
 
-SIZES = {"draft": Size(48, 16, 2, 512, 1), "paper": Size(96, 32, 4, 2048, 4)}
+SIZES = {"draft": Size(48, 16, 2, 512, 1, False), "paper": Size(96, 32, 4, 2048, 4, True)}
 EVEN = 8
 """Lines without the redistribution."""
 BANDED = 16
 """Most lines whose bands are measured."""
 REPLICATES = 8
+CHORDS = 8
+"""In each sample."""
 ROOM = 12
 """Intervals of a ray."""
 
@@ -66,7 +71,9 @@ NOTE = (
     "parts of one Sobol' sequence, Owen-scrambled in each pixel. The reference is {origin} on the lens; "
     "its variance is subtracted from mean square errors. 'Points' are images from lens points that all "
     "pixels share (Fig. 3.8); 'samples of the lens' are Owen-scrambled in each pixel, as many as all "
-    "lines have. Bands are the structure that {keys} independent randomisations share: the differences "
+    f"lines have. 'Chords' are lines of `direct_light`, {CHORDS} side by side in each sample, others in each "
+    f"pixel; they (in paper quality) and samples of the lens also have the time of {BANDED} lines. "
+    "Bands are the structure that {keys} independent randomisations share: the differences "
     f"of displayed values (sRGB, 8 bits) from the reference, blurred by a Gaussian of {SIGMA:g} pixels, "
     f"are multiplied in pairs and averaged over windows of {WINDOW} x {WINDOW} pixels; the root of the "
     f"largest mean must be below {STEPS:g} steps, about 1 % contrast. Noise cancels, as samples of the "
@@ -117,11 +124,20 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
         if way != "lines, evenly"
     }
     ratio = seconds * BANDED / timed(samples, BANDED, 1)[1].clock
+    of_lines = [diffusion.rms_error(image, exact) for image in images["lines"][BANDED]]
+    equal = {}
+    chords = {"chords": replace(scene, lines=("lens_u",), parallel=CHORDS)} if size.chords else {}
+    for way, of in ({"samples": scene} | chords).items():
+        count, of_way = _in_time(of, seconds * BANDED, size, exact)
+        equal[f"{way} of the lens"] = {
+            "samples per pixel": count, f"error of {BANDED} lines over theirs": judged.ratio(of_lines, of_way)
+        }  # fmt: skip
     numbers = {
         "measured": {
             "RMS error": _by_name(errors),
             "bands in steps": _by_name(bands),
             "time of a sample of a line over one of the lens": ratio,
+            "at equal time": equal,
             "RMS error of the reference": rms(exact.error),
         },
         "claims": {
@@ -140,7 +156,8 @@ def make(quality: str, progress: Callable[[float], None]) -> tuple[Figure, dict]
     }
     pictures, _ = _of_lines(scene, BANDED, DRAWN, size.drawn, 1)
     wanted = scene_images.image(scene, samplers.independent(sobol, 2**20), DRAWN, size.reference // 8)
-    return _draw(pictures, points(BANDED, DRAWN), wanted, errors, bands, ratio), numbers
+    more = equal["samples of the lens"][f"error of {BANDED} lines over theirs"]["mean"]
+    return _draw(pictures, points(BANDED, DRAWN), wanted, errors, bands, more), numbers
 
 
 def _scene() -> DirectLight:
@@ -193,6 +210,22 @@ class _Later:
         return self.sampler(x, y, sample + self.first, dims, dtype)
 
 
+def _in_time(
+    scene: DirectLight, seconds: float, size: Size, exact: diffusion.Reference
+) -> tuple[int, list[float]]:
+    """Return how many samples per pixel a scene has in some time, and errors of keys."""
+
+    def samples(spp: int, key: int) -> NDArray[np.float64]:
+        sampler = samplers.independent(sequences.sobol(len(scene.needs)), key)
+        return scene_images.replicate(scene, sampler, size.side, spp)
+
+    samples(SPP, 0)  # It compiles.
+    spp = SPP
+    for _ in range(2):  # Few samples take longer for each.
+        spp = max(1, round(spp * seconds / timed(samples, spp, 0)[1].clock))
+    return spp, [diffusion.rms_error(samples(spp, key + 1), exact) for key in range(size.keys)]
+
+
 def _reversed(number: int, count: int) -> int:
     """Return a number with its bits reversed: the lines of each count come first."""
     return int(f"{number:0{count.bit_length() - 1}b}"[::-1], 2)
@@ -234,7 +267,12 @@ def _by_name(table: Errors) -> dict[str, dict[str, float]]:
 
 
 def _draw(
-    lines: NDArray, points: NDArray, exact: NDArray, errors: Errors, bands: Errors, ratio: float
+    lines: NDArray,
+    points: NDArray,
+    exact: NDArray,
+    errors: Errors,
+    bands: Errors,
+    more: float,
 ) -> Figure:
     def off(caption: str, image: NDArray) -> Panel:
         return Panel(caption, (255 * (shown(image) - shown(exact))).mean(axis=2), (-24.0, 24.0))
@@ -250,7 +288,7 @@ def _draw(
     title = (
         "Each doubling of the lines on the lens, up to 16, lowers the error\n"
         "thesis, Fig. 3.11; depth of field; errors: black to white is -24 to 24 of 255\n"
-        f"graphs have equal counts: a sample of a line takes as long as {ratio:.0f} of the lens here"
+        f"graphs have equal counts; at equal time, {BANDED} lines have {more:.1f} times the error of samples"
     )
     below = 760
     figure = image_grid(title, panels, 3, below)

@@ -29,7 +29,7 @@ def sliding(*way):
 
 
 WORLDS = {
-    "spheres": [tracing.sphere(RNG.normal([0, 0, 6], 1, (6, 3)), RNG.uniform(0.2, 0.8, 6))],
+    "spheres": [tracing.sphere(RNG.normal([0, 0, 6], 1.5, (12, 3)), RNG.uniform(0.1, 0.6, 12))],
     "from inside": [tracing.sphere([0.0, 0, 0], 3.0), tracing.sphere([0, 0.1, 2.9], 0.5)],
     "triangles": [tracing.triangles(triangles(20, 0.6))],
     "a tree": [tracing.triangles(triangles(300, 0.1))],
@@ -53,8 +53,14 @@ COUNT = 24
 
 
 def fan_of(kind, dtype):
-    """Return fans across a screen, or over a lens: their rays meet in a point in focus."""
+    """Return fans across a screen, or over a lens: their rays meet in a point in focus.
+
+    In mirrors, their rays start in a plane that cuts some objects.
+    """
     y, zero = jnp.asarray(RNG.uniform(-0.3, 0.3, 64), dtype), jnp.zeros(64, dtype)
+    if kind.endswith("in mirrors"):
+        normal = zero + 0.1, zero - 0.2, zero + 0.9
+        return fan_of(kind.split()[0], dtype)._replace(plane=(normal, zero + (-1.5 if "lens" in kind else 5)))
     if kind == "screen":
         return fans.eye(
             (zero, zero, zero), (zero - 0.4, y, zero + 1), (zero + 0.4, y + 0.1, zero + 1), zero + 0.5
@@ -67,8 +73,23 @@ def fan_of(kind, dtype):
 def rays_at(fan, t):
     """Return origins and directions at t (m, n)."""
     fan = jax.tree.map(lambda a: jnp.broadcast_to(a, t.shape), fan)
-    direction = jnp.stack(fan.direction(t), axis=-1)
-    return jnp.stack(fan.apex, axis=-1) + fan.begin[..., None] * direction, direction
+    return starting(fan, jnp.stack(fan.direction(t), axis=-1))
+
+
+def starting(fan, direction):
+    """Return where rays along directions (m, n, 3) start, and these."""
+    begin = fan.begin
+    if fan.plane is not None:
+        begin = fan.plane[1] / jnp.sum(jnp.stack(fan.plane[0], axis=-1) * direction, axis=-1)
+    return jnp.stack(fan.apex, axis=-1) + begin[..., None] * direction, direction
+
+
+FANS = [
+    ("screen", jnp.float32),
+    ("lens", jnp.float64),
+    ("screen in mirrors", jnp.float32),
+    pytest.param("lens in mirrors", jnp.float64, marks=pytest.mark.slow),
+]
 
 
 def part_at(found, t):
@@ -77,7 +98,7 @@ def part_at(found, t):
     return jnp.where((start <= t[:, None]) & (t[:, None] < end), number, -1).max(axis=1)
 
 
-@pytest.mark.parametrize("kind, dtype", [("screen", jnp.float32), ("lens", jnp.float64)])
+@pytest.mark.parametrize("kind, dtype", FANS)
 @pytest.mark.parametrize("name", WORLDS)
 def test_parts_are_what_rays_hit(name, kind, dtype):
     world = in_dtype(lines.opened(tracing.world(WORLDS[name])), dtype)
@@ -100,6 +121,31 @@ def test_clear_parts_are_what_nothing_hides(name):
     clear, known = part_at(found, t) == lines.CLEAR, t < found.until[None]
     assert known.mean() > 0.9
     assert not jnp.any(known & (clear == hidden))
+
+
+@pytest.mark.parametrize("clear", [False, True])
+@pytest.mark.parametrize("kind, dtype", FANS)
+@pytest.mark.parametrize("name", WORLDS)
+def test_known_rays_all_see_the_same(name, kind, dtype, clear):
+    """Of narrow pyramids, most are known; those at edges never are."""
+    world = in_dtype(lines.opened(tracing.world(WORLDS[name])), dtype)
+    limit = 5.2 if clear and "mirrors" not in kind else np.inf
+    fan = fan_of(kind, dtype)._replace(limit=jnp.full(64, limit, dtype))
+    start, end, aside = fan.direction(0.5), fan.direction(0.52), (0.002, 0.015, 0.0)
+    moved = [tuple(d + a for d, a in zip(way, aside, strict=True)) for way in (start, end)]
+    pyramid = fan._replace(first=start, last=moved[1], beside=(end, moved[0]))
+    known, number = lines.find_known(world, pyramid, clear)
+    # Near the middle of a sphere, what is seen may be ahead of its middle or not.
+    assert known.mean() > 0.1 or (name, kind) == ("from inside", "lens")
+    s, t = (jnp.asarray(RNG.random((500, 64)), dtype) for _ in range(2))
+    ways = [a[None] + s * (b - a)[None] + c * t for a, b, c in zip(start, end, aside, strict=True)]
+    fan = jax.tree.map(lambda a: jnp.broadcast_to(a, (500, 64)), fan)
+    origin, direction = starting(fan, jnp.stack(ways, axis=-1))
+    if clear:
+        seen = jnp.where(tracing.any_hit(world, origin, direction, 0.5, limit), -1, lines.CLEAR)
+    else:
+        seen = tracing.nearest_hit(world, origin, direction, 0.5).shape
+    assert not jnp.any(known[None] & (seen != number[None]))
 
 
 def lamp(x):
@@ -128,6 +174,15 @@ def objects_of(name, x, y, z):
                 center - jnp.array([0.6, 0.9, 0.0]), [0.5, 0.9, 0.2], 0.4 + y, material=GLOW
             )
             return [pipe, tracing.disc(center + 0.4, [0.3, 0.4, 1], 0.6 + z, material=DIM)]
+        case "mirror":
+            # The ball and the shard cut the mirror, whose edges are seen.
+            corner = jnp.stack([-1.6 + 0 * x, -0.5 + y, -1.5 + 0 * z])
+            floor = tracing.rectangle(corner, [3.2, 0.3, 0], [0, 0.2, 3], material=tracing.mirror(0.8))
+            corners = jnp.array([[[-1.0, -0.8, 0.5], [-0.5, 0.7, -0.4], [-0.4, -0.8, -0.6]]])
+            shard = tracing.triangles(corners + center[None, None] + z, material=GLOW)
+            wall = tracing.rectangle([-4, -2, -3], [8, 0, 0], [0, 6, 0], material=tracing.emitter(0.4))
+            ball = tracing.sphere(center - jnp.array([-0.4, 0.3, -0.6]), 0.4 + z, material=DIM)
+            return [floor, shard, wall, ball]
         case "shadow":
             floor = tracing.rectangle([-2, -0.9, -2], [0, 0, 4], [4, 0, 0], material=GREY)
             return [floor, tracing.sphere(center, 0.5 + z, material=GREY)]
@@ -137,14 +192,16 @@ def scene_of(name, theta, chosen, **options):
     """Return a scene that moves objects by theta[:3], a light and the camera by theta[3]."""
     x, y, z, w = jnp.asarray(theta)
     lights = [lamp(w)] if name in ("shadow", "paths") else []
-    lens = {"aperture": 0.3 + z, "focus": 2.5 + z} if name == "defocus" else {}
+    lens = {"aperture": 0.3 + z, "focus": 2.5 + z} if name in ("defocus", "mirror and lens") else {}
     position = jnp.stack([0.2 + w, 0.5 + 0 * w, 4.0 + 0 * w])
     camera = tracing.camera(position, [0, 0, 0], fov=45.0 + z, **lens)
-    objects = {"defocus": "shard through side", "paths": "shadow"}.get(name, name)
+    objects = {"defocus": "shard through side", "paths": "shadow", "mirror and lens": "mirror"}.get(
+        name, name
+    )
     world = tracing.world(objects_of(objects, x, y, z), lights)
     if name == "paths":
         return tracing.path_tracing(world, camera, 1, lines=chosen, **options)
-    return tracing.direct_light(world, camera, lines=chosen, **options)
+    return tracing.direct_light(world, camera, int("mirror" in name), lines=chosen, **options)
 
 
 def points_of(scene, count):
@@ -157,6 +214,7 @@ SCENES = {
     "pipe and coin": ("x",),
     "shadow": ("x", "light_u"),
     "defocus": ("lens_u",),
+    "mirror": ("x",),
 }
 OTHER = {"x": "y", "light_u": "light_v", "lens_u": "lens_v"}
 
@@ -182,7 +240,7 @@ def test_derivatives_are_those_of_finite_differences(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ball", "shadow", "defocus"])
+@pytest.mark.parametrize("name", ["ball", "shadow", "defocus", "mirror"])
 def test_lines_in_both_directions_agree_with_those_in_one(name):
     """Means of values and derivatives, within 5 sigma; and derivatives are bounded."""
     points = points_of(scene_of(name, THETA, ()), 2**13)
@@ -203,14 +261,15 @@ def test_lines_in_both_directions_agree_with_those_in_one(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*SCENES, "paths"])
-@pytest.mark.parametrize("intervals", [1, 8])
-def test_means_are_those_of_points(name, intervals):
+@pytest.mark.parametrize("name", [*SCENES, "paths", "mirror and lens"])
+@pytest.mark.parametrize("intervals, parallel", [(1, 3), (8, 1)])
+def test_means_are_those_of_points(name, intervals, parallel):
     """Also where parts do not fit: within 5 sigma."""
     count = 2**14
-    chosen = SCENES.get(name, ("x",))
+    chosen = {**SCENES, "mirror and lens": ("lens_u",)}.get(name, ("x",))
     chosen += tuple(map(OTHER.get, chosen))
-    lined = scene_of(name, THETA, chosen, intervals=intervals).with_size(5, 3)
+    options = {"intervals": intervals, "parallel": parallel}
+    lined = scene_of(name, THETA, chosen, **options).with_size(5, 3)
     points = points_of(lined, count)
     one, other = (np.asarray(jax.jit(scene)(points))[:, 0] for scene in (lined, scene_of(name, THETA, ())))
     difference = one - other
@@ -219,24 +278,38 @@ def test_means_are_those_of_points(name, intervals):
         assert one.var() < other.var()
 
 
-def test_screen_area_of_a_ball_and_its_derivative():
-    """A ball at distance D on the axis covers a disc of radius tan(asin(r / D)) at distance 1."""
+@pytest.mark.parametrize("mirrors", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_screen_area_of_a_ball_and_its_derivative(mirrors):
+    """A ball at distance D on the axis covers a disc of radius tan(asin(r / D)) at distance 1.
+
+    In a mirror that covers the image, too, of a ball behind the camera.
+    """
     height = 0.5 * 0.8 / np.sqrt(16 - 0.8**2) / np.tan(np.pi / 9)
     angle = (jnp.arange(400.0) + 0.5) * np.pi / 400
 
+    def scene_of_ball(radius, chosen, parallel):
+        ball = tracing.sphere([0, 0, 6 * mirrors], radius, material=tracing.emitter(1.0))
+        mirror = [tracing.plane([0, 0, 3], [0, 0, 1], material=tracing.mirror(1.0))][:mirrors]
+        world, camera = tracing.world([ball, *mirror]), tracing.camera([0, 0, 4], [0, 0, 0])
+        return tracing.direct_light(world, camera, mirrors, lines=chosen, parallel=parallel)
+
     def mean(radius):
-        ball = tracing.sphere([0, 0, 0], radius, material=tracing.emitter(1.0))
-        scene = tracing.direct_light(tracing.world([ball]), tracing.camera([0, 0, 4], [0, 0, 0]), lines="x")
         # Chords, and more so their derivatives, are not smooth at both poles.
         y = 0.5 + height * jnp.cos(angle)
-        values = scene(jnp.stack([jnp.full_like(y, 0.3), y], axis=-1))[:, 0]
+        values = scene_of_ball(radius, "x", 1)(jnp.stack([jnp.full_like(y, 0.3), y], axis=-1))[:, 0]
         return jnp.sum(values * jnp.sin(angle)) * height * np.pi / 400
+
+    def mean_of_parallels(radius):
+        """By one sample of 512 lines across the image."""
+        return scene_of_ball(radius, ("x", "y"), 256)(jnp.full((1, 2), 0.123))[0, 0]
 
     def exact(radius):
         return np.pi * radius**2 / (16 - radius**2) / (2 * np.tan(np.pi / 9)) ** 2
 
     found = jax.jit(jax.value_and_grad(mean))(0.8)
-    np.testing.assert_allclose(found, (exact(0.8), (exact(0.8001) - exact(0.7999)) / 0.0002), rtol=1e-4)
+    expected = exact(0.8), (exact(0.8001) - exact(0.7999)) / 0.0002
+    np.testing.assert_allclose(found, expected, rtol=1e-4)
+    np.testing.assert_allclose(jax.jit(jax.value_and_grad(mean_of_parallels))(0.8), expected, rtol=2e-3)
 
 
 def test_a_lens_in_focus_sees_as_a_pinhole():
@@ -265,6 +338,16 @@ def test_chords_are_uniform_on_the_lens():
     np.testing.assert_allclose(jnp.hypot(first[0], first[1]), 2, rtol=1e-14)
     np.testing.assert_array_equal(jnp.stack(last), jnp.stack([-first[0], *first[1:]]))
     np.testing.assert_allclose(jnp.stack(focus), jnp.stack([0 * v, 0 * v, 0 * v - 3]), atol=1e-13)
+
+
+@pytest.mark.parametrize("chosen", ["x", "y", ("x", "y")])
+def test_all_lines_of_stratified_samples_are_stratified(chosen):
+    """Each sees as much of a triangle as its coordinate says: their mean is known to half a stratum."""
+    corners = [[[-9.0, -9, -1], [9, 9, -1], [9, -9, -1]]]
+    world = tracing.world([tracing.triangles(corners, material=tracing.emitter(1.0))])
+    scene = tracing.direct_light(world, tracing.camera([0, 0, 0], [0, 0, -1]), lines=chosen, parallel=4)
+    found = scene(sequences.sobol(2)(np.arange(4)).astype(jnp.float64)).mean(axis=0)
+    assert 0 < abs(found - 0.5).max() <= 0.5 / (4 * 4) + 1e-12
 
 
 @pytest.mark.parametrize("chosen", ["x", "y", ("x", "y")])
@@ -302,10 +385,18 @@ def test_degenerate_figures_have_finite_derivatives(scale):
 
 def test_edges_without_lines_are_named():
     def value(theta, name, chosen):
-        scene = scene_of(name, theta, chosen)
+        if name == "mirrors":
+            ball = tracing.sphere(theta[:3], 0.5, material=tracing.mirror(1.0) if chosen == "y" else None)
+            flat = tracing.rectangle([-1, -1, 0], [2, 0, 0], [0, 2, 0], material=tracing.mirror(1.0))
+            camera = tracing.camera([0, 0, 4], [0, 0, 0])
+            scene = tracing.direct_light(tracing.world([ball, flat]), camera, 2, lines=chosen)
+        else:
+            scene = scene_of(name, theta, chosen)
         return scene(jnp.full((1, len(scene.needs)), 0.3)).sum()
 
     for of, chosen, edges in (
+        ("mirrors", "y", "reflections in round mirrors"),
+        ("mirrors", "x", "reflections of reflections"),
         ("shadow", "x", "shadows"),
         ("shadow", "light_u", "what the camera sees"),
         ("paths", "x", "what later parts of paths see"),
@@ -315,6 +406,13 @@ def test_edges_without_lines_are_named():
             match=rf"center \(by {edges}, which no line covers; .*a fifth too small\) moves an edge",
         ):
             jax.grad(value)(jnp.asarray(THETA), of, chosen)
+
+
+def test_lines_that_cannot_be_numbered_are_refused():
+    world = tracing.world([tracing.sphere([0, 0, 0], 1.0)])
+    scene = tracing.direct_light(world, tracing.camera([0, 0, 4], [0, 0, 0]), lines=("x", "y"), parallel=256)
+    with pytest.raises(ValueError, match="points of 512 lines each must be fewer than 4194304, got 4194304"):
+        jax.eval_shape(scene, jax.ShapeDtypeStruct((2**22, 2), jnp.float32))
 
 
 @pytest.mark.parametrize("chosen", ["x", ("y", "light_v")])
@@ -334,6 +432,8 @@ def test_wrong_lines_are_refused():
     ):
         with pytest.raises(error, match=r"^lines must"):
             tracing.direct_light(world, camera, lines=wrong)
+    with pytest.raises(ValueError, match=r"^parallel must"):
+        tracing.direct_light(world, camera, lines="x", parallel=0)
     lens, blades = (tracing.camera([0, 0, 5], [0, 0, 0], aperture=0.1, blades=n) for n in (None, 5))
     for of, wrong in ((lens, ("y", "lens_v")), (blades, "lens_v")):
         with pytest.raises(ValueError, match=r"^lines must have 'lens_v' only"):

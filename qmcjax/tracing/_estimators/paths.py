@@ -81,6 +81,7 @@ class PathTracing(Scattering):
     smooth: bool = field(metadata={"static": True})
     lines: tuple[str, ...] = field(metadata={"static": True, "keeps_mean": True})
     intervals: int = field(metadata={"static": True, "keeps_mean": True})
+    parallel: int = field(metadata={"static": True, "keeps_mean": True})
     size: tuple[int, int] = field(metadata={"static": True, "keeps_mean": True})
 
     def light_needs(self) -> tuple[str, ...]:
@@ -144,6 +145,7 @@ def path_tracing(
     smooth: bool = False,
     lines: Any = (),
     intervals: int = 8,
+    parallel: int = 1,
 ) -> PathTracing:
     """Make a scene of a world with light scattered from surface to surface.
 
@@ -169,7 +171,7 @@ def path_tracing(
         integrated along a line, and one path starts in each of its parts. Edges that later parts of paths see
         are not covered: with ``smooth=True`` derivatives have those of the first surfaces, and lack those of
         shadows and bounces.
-    intervals : int, optional
+    intervals, parallel : int, optional
         See :func:`direct_light`.
 
     Returns
@@ -200,4 +202,5 @@ def path_tracing(
         roulette = checks.integer("roulette", roulette, 1, 64)
     lines = checked_lines(world, camera, lines, (*SCREEN, *LENS))
     intervals = checks.integer("intervals", intervals, 1, 256)
-    return PathTracing(world, camera, bounces, roulette, smooth, lines, intervals, (1, 1))
+    parallel = checks.integer("parallel", parallel, 1, 256)
+    return PathTracing(world, camera, bounces, roulette, smooth, lines, intervals, parallel, (1, 1))

@@ -196,4 +196,4 @@ def resampled_light(
     validate_parts(world, camera, smooth)
     candidates = checks.integer("candidates", candidates, 1, 1024)
     mirrors = checks.integer("mirrors", mirrors, 0, 64)
-    return ResampledLight(world, camera, mirrors, smooth, (), 1, (1, 1), candidates)
+    return ResampledLight(world, camera, mirrors, smooth, (), 1, 1, (1, 1), candidates)

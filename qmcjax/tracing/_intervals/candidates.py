@@ -90,7 +90,9 @@ def collect(state: RayState, batch: Batch, view: Any) -> RayState:
     order, listed = _list_rows(state, batch, view)
 
     def turn(place: Any, state: RayState) -> RayState:
-        return insert_spans(state, rows.spans(order[place], view), batch.numbers[order[place]])
+        spans = rows.spans(order[place], view)
+        number = batch.numbers[order[place]]
+        return insert_spans(state, spans.start < spans.end, partial(at_places, spans), number)
 
     return jax.lax.fori_loop(0, listed, turn, state)
 
@@ -158,18 +160,28 @@ def over_rows(
     return jax.lax.while_loop(lambda walk: walk[0] < used, step, (jnp.zeros((), jnp.int32), state))[1]
 
 
-def insert_spans(state: RayState, spans: Spans, number: Array) -> RayState:
-    """Insert the spans of one primitive."""
-    some = jnp.any(spans.start < spans.end, axis=1)
-    used = jnp.max(jnp.where(some, jnp.arange(1, len(some) + 1, dtype=jnp.int32), 0))
-    return jax.lax.fori_loop(
-        0, used, lambda one, state: _insert(state, jax.tree.map(partial(_row, one), spans), number), state
-    )
+def insert_spans(state: RayState, some: Array, spans_at: Callable[[Array], Spans], number: Array) -> RayState:
+    """Insert the spans of one primitive that there are, (s, n): the first of all rays, then the second, ...
+
+    ``spans_at`` makes one of each ray, (n,), from their places, (n,).
+    """
+    rank = jnp.cumsum(some, axis=0, dtype=jnp.int32)
+
+    def turn(k: Array, state: RayState) -> RayState:
+        one = spans_at(jnp.argmax(some & (rank == k + 1), axis=0))
+        return _insert(state, one._replace(end=jnp.where(k < rank[-1], one.end, one.start)), number)
+
+    return jax.lax.fori_loop(0, rank[-1].max(), turn, state)
 
 
-def _row(number: Any, a: Array) -> Array:
-    """Return one span: the rows are the last axis but one."""
-    return jax.lax.dynamic_index_in_dim(a, number, a.ndim - 2, keepdims=False)
+def at_places(values: Any, place: Array) -> Any:
+    """Return one of the values of each ray, (..., s, n)."""
+
+    def of_place(a: Array) -> Array:
+        mine = place.reshape((1,) * (a.ndim - 1) + place.shape)
+        return jnp.take_along_axis(a, mine, axis=-2)[..., 0, :]
+
+    return jax.tree.map(of_place, values)
 
 
 def _insert(state: RayState, span: Spans, number: Array) -> RayState:

@@ -4,18 +4,20 @@ Relative to the apex an edge (a, b) crosses the ray where ``det(a, b, d(t)) = 0`
 at the distance ``num / den(t)``; and all that is said of a round surface is a quadratic in t. So spans are
 found as those in time are (``spans``), and the same steps resolve overlaps.
 
-Polynomials on [0, 1] are in Bernstein form, with coefficients along the first axis of arrays.
+Polynomials on [0, 1] are lists of Bernstein coefficients. Those of a pyramid follow: values of a symmetric
+bilinear form at two of its ends. All values lie between coefficients.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import reduce
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
 
+from qmcjax.tracing._intervals.candidates import at_places
 from qmcjax.tracing._intervals.fans import Fan
-from qmcjax.tracing._intervals.spans import NOWHERE, Depth, Spans, crossings, restrict
+from qmcjax.tracing._intervals.spans import NOWHERE, Depth, Spans, crossings, restrict, sort_short_axis
 from qmcjax.tracing._shapes.object import Shape, rounding, row
 from qmcjax.tracing._shapes.primitives import Cylinder, Disc, Plane, Rectangle, Sphere
 from qmcjax.tracing._shapes.triangles import Triangles
@@ -37,15 +39,16 @@ from qmcjax.tracing._shapes.vectors import (
 KINDS = Triangles, Rectangle, Plane, Disc, Sphere, Cylinder
 
 
+Coefficients = list[Array]
+"""(n,) each."""
+
+
 class Layer(NamedTuple):
     """The part of a surface that rays meet first or last: distances ``(num + side sqrt(squared)) / den``."""
 
-    num: Array
-    """(3, n)."""
-    den: Array
-    """(3, n)."""
-    squared: Array
-    """(3, n)."""
+    num: Coefficients
+    den: Coefficients
+    squared: Coefficients
     side: int
     present: Callable[[Array], Array]
     """Whether there is a hit at t, (..., n)."""
@@ -54,8 +57,8 @@ class Layer(NamedTuple):
 class Outline(NamedTuple):
     """A primitive as a fan sees it."""
 
-    edges: Array
-    """(3, m, n): quadratics in t. Its spans end where one of them changes its sign."""
+    edges: list[Coefficients]
+    """Quadratics in t. Its spans end where one of them changes its sign."""
     layers: list[Layer]
 
 
@@ -64,74 +67,76 @@ def outline(shape: Shape, number: Any, fan: Fan) -> Outline:
     if isinstance(shape, Sphere | Cylinder):
         return _round(shape, number, fan)
     flat = _flat(shape, number, fan)
-    edges = linear = _raised(flat.edges)
+    edges = linear = [_raised(edge) for edge in flat.edges]
     if flat.rim is not None:
-        edges = jnp.concatenate([edges, flat.rim[:, None]], axis=1)
+        edges = [*linear, flat.rim]
 
     def present(t: Array) -> Array:
-        values = [value(edge, t) for edge in jnp.moveaxis(linear, 1, 0)]
+        values = [value(edge, t) for edge in linear]
         above, below = (reduce(jnp.logical_and, [side * a > 0 for a in values]) for side in (1, -1))
         inside = above | below
         return inside if flat.rim is None else inside & (value(flat.rim, t) > 0)
 
-    zero = jnp.zeros_like(edges[:, 0])
+    zero = [jnp.zeros_like(fan.time)] * len(edges[0])
     return Outline(edges, [Layer(_raised(flat.num), _raised(flat.den), zero, 1, present)])
 
 
 def may_hit(shape: Shape, number: Any, fan: Fan) -> Array:
     """Return False where edges show that rays of a fan miss a primitive."""
     if isinstance(shape, Sphere | Cylinder):
-        return folded(jnp.maximum, _round(shape, number, fan).edges[:, 0]) > 0
+        edges = _round(shape, number, fan).edges
+        chord, (starts, ahead) = edges[0], edges[-3:-1]
+        leaves = (reduce(jnp.minimum, starts) >= 0) & (reduce(jnp.maximum, ahead) <= 0)
+        return (reduce(jnp.maximum, chord) > 0) & ~leaves
     edges = _flat(shape, number, fan).edges
-    least, most = folded(jnp.minimum, edges), folded(jnp.maximum, edges)
-    return ~(folded(jnp.logical_or, least > 0) & folded(jnp.logical_or, most < 0))
+    above = [reduce(jnp.minimum, edge) > 0 for edge in edges]
+    below = [reduce(jnp.maximum, edge) < 0 for edge in edges]
+    # All vanish where rays start on the figure.
+    away = reduce(jnp.logical_and, [a == 0 for edge in edges for a in edge])
+    return ~((reduce(jnp.logical_or, above) & reduce(jnp.logical_or, below)) | away)
 
 
-def folded(operation: Callable[[Array, Array], Array], a: Array) -> Array:
-    """Reduce the first axis of an array, which is short.
-
-    XLA reduces what it has stacked ten times as slowly.
-    """
-    return reduce(operation, list(a))
-
-
-def value(a: Array, t: Array) -> Array:
-    """Return quadratics (3, ..., n) at t, (n,) or as many."""
-    zero, one, two = a
-    if t.ndim > zero.ndim:
-        zero, one, two = zero[None], one[None], two[None]
-    elif t.ndim < zero.ndim:
-        t = t[None]
+def value(a: Any, t: Array) -> Array:
+    """Return quadratics at t, (..., n)."""
+    zero, one, two = (_fit(part, t) for part in a[:3])
     return (1 - t) * ((1 - t) * zero + 2 * t * one) + t * t * two
 
 
-def _raised(a: Array) -> Array:
+def _fit(a: Array, t: Array) -> Array:
+    """Return numbers of rays, (n,), for several t of each."""
+    return a if a.ndim == t.ndim else a[None]
+
+
+def _raised(a: Coefficients) -> Coefficients:
     """Return linear functions as quadratics."""
-    return jnp.stack([a[0], 0.5 * (a[0] + a[1]), a[1]])
+    return _pairs(lambda one, other: 0.5 * (one + other), a)
 
 
-def _squares(one: Vector, other: Vector) -> Array:
+def _pairs(form: Callable[[Any, Any], Array], ends: Sequence[Any]) -> Coefficients:
+    """Return a symmetric form of all pairs of ends; those of the first two come first."""
+    return [form(ends[i], ends[j]) for j in range(len(ends)) for i in range(j + 1)]
+
+
+def _squares(ends: Sequence[Vector]) -> Coefficients:
     """Return the squared length of a vector that is linear in t."""
-    return jnp.stack([dot(one, one), dot(one, other), dot(other, other)])
+    return _pairs(dot, ends)
 
 
 class _Flat(NamedTuple):
-    edges: Array
-    """(2, m, n): linear functions of one sign inside."""
-    rim: Array | None
-    """(3, n): positive inside a disc."""
-    num: Array
-    """(2, n): distances are num / den, ..."""
-    den: Array
-    """(2, n)."""
+    edges: list[Coefficients]
+    """Linear functions of one sign inside."""
+    rim: Coefficients | None
+    """Positive inside a disc."""
+    num: Coefficients
+    """Distances are num / den, ..."""
+    den: Coefficients
     noise: Array
     """... with this error of den."""
 
 
 def _flat(shape: Shape, number: Any, fan: Fan) -> _Flat:
-    ends = fan.first, fan.last
-    rim = None
-    edges: list[list[Array]] = []
+    ends, rim = fan.ends, None
+    edges: list[Coefficients] = []
     if isinstance(shape, Triangles | Rectangle):
         if isinstance(shape, Triangles):
             corners = shape._corners(number, fan.time)
@@ -156,32 +161,44 @@ def _flat(shape: Shape, number: Any, fan: Fan) -> _Flat:
     if isinstance(shape, Disc):
         # The hit is at the distance height / den: its vector from the centre, times den.
         out = [minus(times(height, d), times(slope, point)) for d, slope in zip(ends, den, strict=True)]
-        rim = _less(_mixed(*den), _squares(*out), jnp.broadcast_to(shape.radius[number], height.shape))
+        rim = _less(_mixed(den), _squares(out), jnp.broadcast_to(shape.radius[number], height.shape))
     size = jnp.broadcast_to(length(normal), height.shape)
-    # An apex where rays start is not hit: without height all edges vanish.
-    off = (abs(height) > (fan.slack + rounding(reach)) * size) | (fan.begin < 0)
+    # An apex where rays start is not hit, nor the plane where they do: without height all edges vanish.
+    slack, beyond = fan.slack + rounding(reach), []
+    off = (abs(height) > slack * size) | (fan.begin < 0)
+    if fan.plane is not None:
+        across, level = fan.plane
+        pairs = list(zip(_slopes(across, ends), den, strict=True))
+        beyond = [[height * slope - level * d for slope, d in pairs]]
+        noise = [slack * (size * abs(slope) + length(across) * abs(d)) for slope, d in pairs]
+        off = off & reduce(jnp.logical_or, [abs(a) > b for a, b in zip(beyond[0], noise, strict=True)])
     off = off.astype(height.dtype)
     num = [height - fan.begin * slope for slope in den]
-    noise = (4 * jnp.finfo(height.dtype).eps) * size * jnp.maximum(*map(length, ends))
+    noise = (4 * jnp.finfo(height.dtype).eps) * size * reduce(jnp.maximum, map(length, ends))
     ends_there = jnp.isfinite(fan.limit)
     limit = jnp.where(ends_there, fan.limit, 0)
     short = [jnp.where(ends_there, limit * d - n, d) for d, n in zip(den, num, strict=True)]
-    limits = [jnp.stack([off * part for part in edge]) for edge in (*edges, num, den, short)]
-    return _Flat(jnp.stack(limits, axis=1), rim, jnp.stack(num), jnp.stack(den), noise)
+    limits = [[off * part for part in edge] for edge in (*edges, *beyond, num, den, short)]
+    return _Flat(limits, rim, num, den, noise)
 
 
-def _mixed(one: Array, other: Array) -> Array:
+def _slopes(normal: Vector, ends: Sequence[Vector]) -> Coefficients:
+    """Return how fast rays approach a plane: a linear function."""
+    return [dot(normal, d) for d in ends]
+
+
+def _mixed(ends: Coefficients) -> Coefficients:
     """Return the square of a function that is linear in t."""
-    return jnp.stack([one * one, one * other, other * other])
+    return _pairs(lambda one, other: one * other, ends)
 
 
-def _less(a: Array, b: Array, radius: Array) -> Array:
+def _less(a: Coefficients, b: Coefficients, radius: Array) -> Coefficients:
     """Return ``radius^2 a - b`` of quadratics."""
-    return (radius * radius)[None] * a - b
+    return [radius * radius * one - other for one, other in zip(a, b, strict=True)]
 
 
-def _edges(corners: list[Vector], ends: tuple[Vector, Vector]) -> list[list[Array]]:
-    """Return ``det(a, b, d)`` of the edges, (2, n) each.
+def _edges(corners: list[Vector], ends: tuple[Vector, ...]) -> list[Coefficients]:
+    """Return ``det(a, b, d)`` of the edges.
 
     The ends of an edge are sorted first: polygons that share it compute the same numbers, for any fused
     multiply-adds, and no gap opens between them.
@@ -201,10 +218,10 @@ def _edges(corners: list[Vector], ends: tuple[Vector, Vector]) -> list[list[Arra
 
 def _round(shape: Sphere | Cylinder, number: Any, fan: Fan) -> Outline:
     """Return the outline of spheres and of the sides of cylinders."""
-    one, ends = jnp.ones_like(fan.time), (fan.first, fan.last)
+    one, ends = jnp.ones_like(fan.time), fan.ends
     radius = shape.radius[number] * one
-    rims: list[Array] = []
-    tall, foot, climb = one, 0 * one, [0 * one, 0 * one]
+    rims: list[Coefficients] = []
+    tall, foot, climb = one, 0 * one, [0 * one for _ in ends]
     if isinstance(shape, Sphere):
         center = row(shape.center, number)
         size = largest(center) + radius
@@ -216,60 +233,67 @@ def _round(shape: Sphere | Cylinder, number: Any, fan: Fan) -> Outline:
         center = minus(base, fan.apex)
         foot, climb = dot(center, up), [dot(d, up) for d in ends]
         center = along(center, -foot, up)
-        ends = along(ends[0], -climb[0], up), along(ends[1], -climb[1], up)
+        ends = tuple(along(d, -k, up) for d, k in zip(ends, climb, strict=True))
         for level in (foot, foot + tall):
             out = [minus(times(level, d), times(k, center)) for d, k in zip(ends, climb, strict=True)]
-            rims.append(_less(_mixed(*climb), _squares(*out), radius))
+            rims.append(_less(_mixed(climb), _squares(out), radius))
     slack = fan.slack + rounding(size)
-    squared, round_ = _squares(*ends), (radius * radius)[None]
-    chord = _less(squared, _squares(cross(center, ends[0]), cross(center, ends[1])), radius)
-    middle = _raised(jnp.stack([dot(center, d) for d in ends]))
+    squared = _squares(ends)
+    chord = _less(squared, _squares([cross(center, d) for d in ends]), radius)
+    ahead = [dot(center, d) for d in ends]
+    middle = _raised(ahead)
     off = dot(center, center) - radius * radius
     on = (abs(off) <= slack * (2 * radius + slack)) & (fan.begin == 0)
-    num = middle - fan.begin[None] * squared
+    num = [a - fan.begin * b for a, b in zip(middle, squared, strict=True)]
 
-    def outside(reach: Array) -> Array:
-        """Return the height of points of rays above the surface, as a quadratic."""
-        return _squares(*(minus(times(reach, d), center) for d in ends)) - round_
+    def outside(reach: Array, wanted: Array) -> Coefficients:
+        """Return the height of points of rays above the surface, as a quadratic; 0 where not wanted."""
+        heights = _squares([minus(times(reach, d), center) for d in ends])
+        return [jnp.where(wanted, a - radius * radius, 0) for a in heights]
 
-    starts = outside(fan.begin) * jnp.where(on, 0, one)[None]
+    starts, before = outside(fan.begin, ~on), num
+    if fan.plane is not None:
+        slopes, level = _slopes(fan.plane[0], fan.ends), fan.plane[1]
+        on, both = jnp.zeros_like(on), list(zip(ends, ahead, slopes, strict=True))
+        # The start of a ray is at the distance level / slope: all is relative to the centre, times slope.
+        out = [minus(times(level, d), times(slope, center)) for d, _, slope in both]
+        starts = [-a for a in _less(_mixed(slopes), _squares(out), radius)]
+        before = _pairs(lambda a, b: 0.5 * (a[2] * b[1] + b[2] * a[1]) - level * dot(a[0], b[0]), both)
     # A ray may end inside.
     ends_there = jnp.isfinite(fan.limit)
-    stops = outside(jnp.where(ends_there, fan.limit + fan.begin, 0)) * jnp.where(ends_there, one, 0)[None]
+    stops = outside(jnp.where(ends_there, fan.limit + fan.begin, 0), ends_there)
 
     def there(t: Array, side: int) -> Array:
-        def fit(a: Array) -> Array:
-            return a if a.ndim == t.ndim else a[None]
-
-        half, size, ahead = value(chord, t), value(squared, t), value(num, t)
-        distance = (ahead + side * jnp.sqrt(jnp.maximum(half, 0))) / jnp.where(size > 0, size, 1)
-        hit = (half > 0) & (size > 0) & (distance <= fit(fan.limit))
+        half, size, forward = value(chord, t), value(squared, t), value(before, t)
+        distance = (value(num, t) + side * jnp.sqrt(jnp.maximum(half, 0))) / jnp.where(size > 0, size, 1)
+        hit = (half > 0) & (size > 0) & (distance <= _fit(fan.limit, t))
         if isinstance(shape, Cylinder):
-            height = (distance + fit(fan.begin)) * value(_raised(jnp.stack(climb)), t) - fit(foot)
-            hit = hit & (height >= -fit(slack)) & (height <= fit(tall + slack))
+            height = (distance + _fit(fan.begin, t)) * value(_raised(climb), t) - _fit(foot, t)
+            hit = hit & (height >= -_fit(slack, t)) & (height <= _fit(tall + slack, t))
         if side < 0:
-            return hit & ~fit(on) & (value(starts, t) > 0) & (ahead > 0)
+            return hit & ~_fit(on, t) & (value(starts, t) > 0) & (forward > 0)
         if isinstance(shape, Sphere):
-            return hit & jnp.where(fit(on), ahead > 0, value(starts, t) < 0)
-        return hit & (distance > 0) & (~fit(on) | (ahead > 0))
+            return hit & jnp.where(_fit(on, t), forward > 0, value(starts, t) < 0)
+        return hit & ((value(starts, t) < 0) | (forward > 0))
 
-    edges = [chord, *rims, starts, num, stops]
+    edges = [chord, *rims, starts, before, stops]
     layers = [Layer(num, squared, chord, side, lambda t, side=side: there(t, side)) for side in (-1, 1)]
-    return Outline(jnp.stack(edges, axis=1), layers)
+    return Outline(edges, layers)
 
 
-def find_spans(shape: Shape, number: Any, fan: Fan) -> Spans:
-    """Return where rays of a fan hit primitives."""
+def find_spans(shape: Shape, number: Any, fan: Fan) -> tuple[Array, Callable[[Array], Spans]]:
+    """Return which of (s, n) spans rays of a fan have, and what makes those of places (n,)."""
     if isinstance(shape, Sphere | Cylinder):
         return _round_spans(_round(shape, number, fan))
     return _flat_spans(_flat(shape, number, fan))
 
 
-def _flat_spans(flat: _Flat) -> Spans:
+def _flat_spans(flat: _Flat) -> tuple[Array, Callable[[Array], Spans]]:
     """Return the spans of a convex figure, seen from the front or from behind."""
     found = []
+    ends = [jnp.stack(values) for values in zip(*flat.edges, strict=True)]
     for side in (1, -1):
-        zero, one = side * flat.edges[0], side * flat.edges[1]
+        zero, one = side * ends[0], side * ends[1]
         root = zero / jnp.where(zero == one, 1, zero - one)
         start = jnp.where((zero < 0) & (one > 0), root, 0).max(axis=0)
         end = jnp.where((zero > 0) & (one < 0), root, 1).min(axis=0)
@@ -277,7 +301,7 @@ def _flat_spans(flat: _Flat) -> Spans:
         out = out | ((zero == 0) & (one == 0)).all(axis=0)
         end = jnp.where(out, start, end)
         if flat.rim is not None:
-            first, second, sign = crossings(flat.rim)
+            first, second, sign = crossings(jnp.stack(flat.rim))
             first, second = jnp.minimum(first, 1), jnp.minimum(second, 1)
             pieces = [(first, second), (0 * first, 0 * first)], [(0 * first, first), (second, 0 * first + 1)]
             best_start, best_end = start, start
@@ -287,41 +311,54 @@ def _flat_spans(flat: _Flat) -> Spans:
                 better = high - low > best_end - best_start
                 best_start, best_end = jnp.where(better, low, best_start), jnp.where(better, high, best_end)
             start, end = best_start, best_end
-        found.append((start, end, jnp.full_like(start, side)))
-    start, end, side = (jnp.stack(part) for part in zip(*found, strict=True))
-    num, den = (side[None] * _raised(part)[:, None] for part in (flat.num, flat.den))
-    return _spans(start, end, num, den, jnp.zeros_like(num), jnp.ones_like(start), flat.noise)
+        found.append((start, end))
+    start, end = (jnp.stack(part) for part in zip(*found, strict=True))
+
+    def spans_at(place: Array) -> Spans:
+        side = 1 - 2 * place.astype(start.dtype)
+        num, den = (side[None] * jnp.stack(_raised(part)) for part in (flat.num, flat.den))
+        first, last = at_places((start, end), place)
+        return _spans(first, last, num, den, jnp.zeros_like(num), jnp.ones_like(side), flat.noise)
+
+    return start < end, spans_at
 
 
-def _round_spans(seen: Outline) -> Spans:
-    """Return the spans of all layers: intervals between the roots of all edges."""
-    first, second, _ = crossings(seen.edges)
-    points = jnp.sort(
-        jnp.minimum(jnp.concatenate([first, second, 0 * first[:1], 0 * first[:1] + NOWHERE]), 1), axis=0
-    )
+def _round_spans(seen: Outline) -> tuple[Array, Callable[[Array], Spans]]:
+    """Return the spans of both layers: runs of intervals between the roots of all edges."""
+    first, second, _ = crossings(jnp.stack([jnp.stack(edge) for edge in seen.edges], axis=1))
+    ends = 0 * first[:1], 0 * first[:1] + NOWHERE
+    points = sort_short_axis(jnp.minimum(jnp.concatenate([first, second, *ends]), 1))
     left, right = points[:-1], points[1:]
-    found = []
-    for layer in seen.layers:
-        here = layer.present(0.5 * (left + right))
-        side = jnp.full_like(left, layer.side)
-        parts = [jnp.broadcast_to(part[:, None], (3, *left.shape)) for part in layer[:3]]
-        found.append((left, jnp.where(here, right, left), *parts, side))
-    start, end, num, den, squared, side = (
-        jnp.concatenate(part, axis=part[0].ndim - 2) for part in zip(*found, strict=True)
-    )
-    noise = 4 * jnp.finfo(den.dtype).eps * jnp.max(den[:, 0], axis=0)
-    return _spans(start, end, num, den, squared, side, noise)
+    here = jnp.stack([layer.present(0.5 * (left + right)) for layer in seen.layers])
+    begins = here & ~jnp.concatenate([jnp.zeros_like(here[:, :1]), here[:, :-1]], axis=1)
+    stops = [jnp.broadcast_to(right[-1], here[:, 0].shape)]
+    for k in reversed(range(len(left) - 1)):
+        stops.append(jnp.where(here[:, k + 1], stops[-1], right[k][None]))
+    end = jnp.stack(stops[::-1], axis=1)
+    start = jnp.broadcast_to(left[None], end.shape)
+    some, start, end = (a.reshape(-1, a.shape[-1]) for a in (begins & (start < end), start, end))
+
+    def spans_at(place: Array) -> Spans:
+        second = place >= len(left)
+
+        def of_layer(one: Coefficients, other: Coefficients) -> Array:
+            return jnp.stack([jnp.where(second, b, a) for a, b in zip(one, other, strict=True)])
+
+        near, far = seen.layers
+        num, den, squared = map(of_layer, near[:3], far[:3])
+        side = jnp.where(second, far.side, near.side).astype(left.dtype)
+        noise = 4 * jnp.finfo(den.dtype).eps * den.max(axis=0)
+        first, last = at_places((start, end), place)
+        return _spans(first, last, num, den, squared, side, noise)
+
+    return some, spans_at
 
 
 def _spans(
     start: Array, end: Array, num: Array, den: Array, squared: Array, side: Array, noise: Array
 ) -> Spans:
-    """Return spans with their distances, from quadratics (3, s, n)."""
-    inner, noise = end - start > 0, jnp.broadcast_to(noise, start.shape)
-    one = jnp.where(inner, end, start)
-    num, den, squared = (
-        restrict(jnp.broadcast_to(a, (3, *start.shape)), start, one) for a in (num, den, squared)
-    )
+    """Return spans with their distances, from quadratics (3, n)."""
+    num, den, squared = (restrict(a, start, jnp.maximum(start, end)) for a in (num, den, squared))
     reach = jnp.sqrt(jnp.maximum(squared, 0).max(axis=0))
     tiny = jnp.finfo(start.dtype).tiny
     most, least = den.max(axis=0), den.min(axis=0)

@@ -313,7 +313,7 @@ def _same_signs(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     first, second, sign = crossings(quadratics)
     count, rays = first.shape
     zero = jnp.zeros((1, rays), first.dtype)
-    points = jnp.minimum(_sort_short_axis(jnp.concatenate([first, second])), 1)
+    points = jnp.minimum(sort_short_axis(jnp.concatenate([first, second])), 1)
     points = jnp.concatenate([zero, points, zero + 1])
     place = jnp.arange(count + 1, dtype=jnp.int32)[:, None]
 
@@ -341,7 +341,7 @@ def _same_signs(quadratics: Array, both: bool) -> tuple[Array, Array, Array]:
     return jax.lax.scan(turn, state, (points[:-1], points[1:]))[0][0]
 
 
-def _sort_short_axis(values: Array) -> Array:
+def sort_short_axis(values: Array) -> Array:
     """Sort numbers along the short first axis by counting smaller ones."""
     place = jnp.arange(len(values), dtype=jnp.int32)[:, None, None]
     one, other = values[:, None], values[None]

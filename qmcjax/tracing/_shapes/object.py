@@ -207,6 +207,10 @@ class Frame(NamedTuple):
         """Return gradients in the world: by the inverse transpose."""
         return _combine(self.duals, gradient)
 
+    def gradient(self, normal: Vector) -> Vector:
+        """Invert :meth:`normal`."""
+        return dot(self.columns[0], normal), dot(self.columns[1], normal), dot(self.columns[2], normal)
+
 
 def to_object_space(frame: Frame | None, origin: Vector, direction: Vector, time: Array) -> Rays:
     """Return world rays in the object space of a frame; distances along them stay the same."""

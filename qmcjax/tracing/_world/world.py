@@ -224,20 +224,25 @@ class Camera:
         Chords are horizontal or upright, and moved to the side by some of their lengths. Without that, points
         uniform on them, for ``aside`` uniform in [0, 1), are uniform on the lens.
         """
-        view = self.view(x, y)
         half, height = _chord(aside)
         height = height + 2 * half * moved
 
         def end(a: Array) -> tuple[Vector, Vector]:
             place = jnp.where(upright, height, a), jnp.where(upright, a, height)
-            return self._through(view, *place, time)
+            return self.focused(x, y, time, *place)
 
-        (first, seen), (last, _) = end(-half), end(half)
-        return first, last, plus(first, times(view.focus, seen))
+        (first, focus), (last, _) = end(-half), end(half)
+        return first, last, focus
 
-    def _through(self, view: View, a: Array, b: Array, time: Array) -> tuple[Vector, Vector]:
+    def focused(self, x: Array, y: Array, time: Array, a: Any, b: Any) -> tuple[Vector, Vector]:
+        """Return points of a lens of radius 1, and where rays through them meet in focus."""
+        view = self.view(x, y)
+        point, seen = self._through(view, a, b, time)
+        return point, plus(point, times(view.focus, seen))
+
+    def _through(self, view: View, a: Any, b: Any, time: Array) -> tuple[Vector, Vector]:
         """Return origins and directions through points of a lens of radius 1."""
-        aperture = jnp.asarray(self.aperture).astype(a.dtype)
+        aperture = jnp.asarray(self.aperture).astype(time.dtype)
         moved = plus(times(aperture * a, view.right), times(aperture * b, view.upward))
         # All rays through a point in the plane of focus meet there.
         seen = minus(view.seen, times(1 / view.focus, moved))

@@ -1,4 +1,4 @@
-"""Small scenes whose parameters move edges: silhouettes, shadows, and where objects cut each other.
+"""Small scenes whose parameters move edges: silhouettes, shadows, reflections, cuts.
 
 Losses are means of pixels times fixed weights: their derivatives are linear in the image, so errors are
 those of unbiased estimates.
@@ -16,6 +16,9 @@ from qmcjax.tracing import motion
 BOTH = "x", "light_u"
 """Across the pixel and along the light: silhouettes and shadows."""
 
+PARALLEL = 16
+"""Lines of a sample whose pixel may have an edge."""
+
 
 class EdgeScene(NamedTuple):
     """A scene as a function of parameters, and where it is evaluated."""
@@ -23,6 +26,7 @@ class EdgeScene(NamedTuple):
     objects: Callable[..., tuple[list[tracing.Object], list[tracing.Light], tracing.Camera]]
     parameters: dict[str, float]
     lines: tuple[str, ...]
+    mirrors: int = 0
 
     @property
     def start(self) -> Array:
@@ -33,7 +37,8 @@ class EdgeScene(NamedTuple):
         """Return the scene, of these lines or its own; without lines, of points."""
         objects, lights, camera = self.objects(*values)
         chosen = self.lines if lines is None else lines
-        return tracing.direct_light(tracing.world(objects, lights), camera, lines=chosen)
+        world = tracing.world(objects, lights)
+        return tracing.direct_light(world, camera, self.mirrors, lines=chosen, parallel=PARALLEL)
 
 
 def loss_of(image: Array) -> Array:
@@ -54,6 +59,11 @@ def _turn(angle: Array) -> motion.Affine:
     return motion.affine(jnp.stack([c, zero, s, zero, zero + 1, zero, -s, zero, c]).reshape(3, 3))
 
 
+def _still(position: Array) -> tracing.Camera:
+    """Return a camera that does not ask when an object is where it is turned to."""
+    return tracing.camera(position, [0, 0, 0], shutter=0.0)
+
+
 def _wall(color: list[float], z: float = -2.0) -> tracing.Object:
     return tracing.rectangle([-9, -9, z], [18, 0, 0], [0, 18, 0], material=tracing.emitter(jnp.array(color)))
 
@@ -71,7 +81,7 @@ def _triangles(x: Array, y: Array, angle: Array, camera: Array) -> tuple:
         tracing.triangles(of, motion=_turn(angle), material=tracing.emitter(jnp.array(color)))
         for of, color in ((first[None], [0.9, 0.5, 0.1]), (other, [0.2, 0.6, 0.5]))
     ]
-    return [*parts, _wall([0.1, 0.1, 0.2])], [], tracing.camera(_xyz(camera, 0.3, 4.0), [0, 0, 0])
+    return [*parts, _wall([0.1, 0.1, 0.2])], [], _still(_xyz(camera, 0.3, 4.0))
 
 
 def _box_and_cylinder(wide: Array, angle: Array, radius: Array, height: Array) -> tuple:
@@ -81,7 +91,7 @@ def _box_and_cylinder(wide: Array, angle: Array, radius: Array, height: Array) -
     pipe = tracing.cylinder(
         [0.5, -0.9, 0.9], [0.2, 1.6, 0.0], radius, material=tracing.emitter(jnp.array([0.7, 0.3, 0.1]))
     )
-    return [box, pipe, _wall([0.1, 0.3, 0.2])], [], tracing.camera(_xyz(0.3, height, 4.0), [0, 0, 0])
+    return [box, pipe, _wall([0.1, 0.3, 0.2])], [], _still(_xyz(0.3, height, 4.0))
 
 
 def _shard_through_sheet(depth: Array, slope: Array) -> tuple:
@@ -120,6 +130,16 @@ def _flight(knot: Array, corner: Array) -> tuple:
     return [_floor(), wing], [_lamp(-0.6)], tracing.camera([0.3, 1.6, 4.0], [0, -0.3, 0])
 
 
+def _mirror(x: Array, height: Array, tilt: Array) -> tuple:
+    floor = tracing.rectangle(
+        _xyz(-1.5, height, -1.6), _xyz(3.0, tilt, 0.0), [0, 0.1, 3.0], material=tracing.mirror(0.8)
+    )
+    ball = tracing.sphere(_xyz(x, 0.3, 0.0), 0.6, material=tracing.emitter(jnp.array([0.8, 0.5, 0.2])))
+    corners = jnp.array([[[-1.2, -0.9, 0.3], [-0.6, 0.9, -0.5], [-0.3, -0.9, -0.8]]], x.dtype)
+    shard = tracing.triangles(corners, material=tracing.emitter(jnp.array([0.2, 0.5, 0.7])))
+    return [floor, ball, shard, _wall([0.1, 0.3, 0.2], -4.0)], [], tracing.camera([0.3, 1.2, 4.0], [0, 0, 0])
+
+
 SCENES = {
     "ball": EdgeScene(
         _ball, {"position": 0.13, "radius": 0.8, "emission": 0.9, "field of view": 42.0}, ("x",)
@@ -130,9 +150,10 @@ SCENES = {
     "box and cylinder": EdgeScene(
         _box_and_cylinder, {"corner": 0.2, "rotation": 0.4, "radius": 0.25, "camera y": 0.3}, ("x",)
     ),
-    "shard through sheet": EdgeScene(_shard_through_sheet, {"depth": 0.1, "slope": 0.4}, ("x",)),
+    "shard through sheet": EdgeScene(_shard_through_sheet, {"depth": 0.1, "slope": 0.4}, ("x", "y")),
     "shadow": EdgeScene(
         _shadow, {"position": 0.13, "radius": 0.5, "light corner": -0.6, "albedo": 0.5}, BOTH
     ),
     "flight": EdgeScene(_flight, {"knot": 0.3, "vertex": -0.1}, BOTH),
+    "mirror": EdgeScene(_mirror, {"position": 0.4, "height": -0.6, "tilt": 0.2}, ("x",), 1),
 }

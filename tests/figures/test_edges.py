@@ -17,11 +17,12 @@ def test_twenty_parameters():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "mirror"])
 def test_gradients_are_those_of_finite_differences(name):
     """Along the same lines, in one direction (else derivatives are weighted), in the median of keys.
 
     The end of a line nearer to the pole of a ball than the step moves faster than any difference shows.
+    Derivatives in mirrors are tested with those of lines.
     """
     with jax.enable_x64(True):
         scene = SCENES[name]

@@ -207,6 +207,7 @@ def test_signals_wait_for_the_state(tmp_path, monkeypatch, small_calls, capsys, 
 
 
 RUN = """
+import signal
 import sys
 import time
 import numpy as np
@@ -215,6 +216,7 @@ from test_long_runs import SAMPLES, SIDE, image
 checkpoints.EVERY, checkpoints.SHARE = 0.0, float("inf")
 backends.BY_PLATFORM["cpu"] = backends.CPU._replace(samples=SIDE * SIDE)
 path, most = sys.argv[1], int(sys.argv[2])
+signal.signal(signal.SIGINT, signal.default_int_handler)  # Shells ignore it for what runs in the background.
 reports = []
 def progress(part):
     print(repr(part), flush=True)

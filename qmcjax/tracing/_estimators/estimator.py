@@ -330,15 +330,18 @@ def direct_light(
         all that these show. Derivatives by lines in one direction have no finite variance where edges are
         parallel to them. Of both coordinates, as in ``lines=("x", "y")``, each sample takes a line in each
         direction, and weighs derivatives by the direction of the edge: this bounds them.
-        With lines, a sample takes 4 to 16 times as long (`scenes.moving_triangles` 4, `scenes.occluder` 9,
-        `scenes.sports` 14, `scenes.defocus` 16; 128 x 128 pixels), more where more pixels have edges.
+        With lines, a sample takes 3 to 16 times as long (`scenes.cornell_box` 3, `scenes.interior` by
+        `path_tracing` 3, `scenes.moving_triangles` 4, `scenes.helicopter` 8, `scenes.occluder` 9,
+        `scenes.sports` 14, `scenes.defocus` 16; 128 x 128 pixels), more where more pixels have edges. The
+        first call compiles for five to seven times as long.
     intervals : int, optional
         Maximum number of parts of a line, in [1, 256]; the rest of a line is sampled in one point.
     parallel : int, optional
         Number of equidistant lines on the screen or the lens, in each direction, of a sample whose pixel may
         have an edge, in [1, 256]. Errors of edges fall by about this number: where few pixels have edges, as
-        in small worlds, 8 to 32 cost less than more samples, 16 of them 2 to 6 times as long for each as a
-        point. All lines of stratified samples are stratified.
+        in small worlds, 8 to 32 cost less than more samples. With 16, each sample takes 2 to 6 times as long
+        as a point there, 10 times in `scenes.cornell_box`, 23 times in `scenes.helicopter`. All lines of
+        stratified samples are stratified.
 
     Returns
     -------
